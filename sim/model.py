@@ -1,0 +1,79 @@
+"""What things are: the values that pass between the parts of `sim`, in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+#: One impact. `position` is the ball's centre at the impact, `normal` points from the surface to the ball, the speeds
+#: are those before the impact, `surface` counts the scene's surfaces in their order. The contact point is
+#: position - radius * normal.
+BOUNCE = np.dtype(
+    [
+        ("time", "f8"),  # s
+        ("ball", "i8"),
+        ("surface", "i4"),
+        ("position", "f8", (3,)),  # m
+        ("normal", "f8", (3,)),
+        ("speed_normal", "f8"),  # m/s
+        ("speed_tangential", "f8"),  # m/s
+        ("energy_lost", "f8"),  # J
+    ]
+)
+
+
+class Invalid(ValueError):
+    """A value that cannot be part of a scene. `field` names the parameter, `reason` says what is wrong with it."""
+
+    def __init__(self, field: str, reason: str):
+        super().__init__(f"{field}: {reason}")
+        self.field, self.reason = field, reason
+
+
+class Mesh(NamedTuple):
+    """Triangles to look at: vertices (n, 3) in m, triangles (m, 3) indices into them."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+
+
+@dataclass(frozen=True)
+class Balls:
+    """n balls of one kind at their release, in order of release time."""
+
+    mass: float  # kg
+    radius: float  # m
+    lifetime: float  # s
+    released: np.ndarray  # (n,) s, simulated time of the release
+    position: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+
+    def __len__(self) -> int:
+        return len(self.released)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Where n balls were at each recorded frame; NaN where a ball is not alive."""
+
+    time: np.ndarray  # (frames,) s
+    step: np.ndarray  # (frames,) steps of the method since time 0
+    position: np.ndarray  # (frames, n, 3) m
+    velocity: np.ndarray  # (frames, n, 3) m/s
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The ledger at each recorded frame, summed over the balls, in J; every array is (frames,).
+
+    residual = kinetic + potential - supplied - work + lost: what the method itself gained or lost.
+    """
+
+    kinetic: np.ndarray  # of the balls alive
+    potential: np.ndarray  # of the balls alive, in gravity and in springs that act always and everywhere
+    work: np.ndarray  # done by all other fields since time 0
+    lost: np.ndarray  # at impacts since time 0
+    supplied: np.ndarray  # brought in by balls released, less what was carried off by balls that ended
+    residual: np.ndarray
