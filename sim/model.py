@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, get_args, get_type_hints
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 #: One impact. `position` is the ball's centre at the impact, `normal` points from the surface to the ball, the speeds
 #: are those before the impact, `surface` counts the scene's surfaces in their order. The contact point is
@@ -24,12 +26,46 @@ BOUNCE = np.dtype(
 )
 
 
+#: Types that say their own range; `check` and the YAML schema both read it.
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Gt(0)]
+NonNegative = Annotated[float, Ge(0)]
+Fraction = Annotated[float, Ge(0), Le(1)]
+
+
 class Invalid(ValueError):
     """A value that cannot be part of a scene. `field` names the parameter, `reason` says what is wrong with it."""
 
     def __init__(self, field: str, reason: str):
         super().__init__(f"{field}: {reason}")
         self.field, self.reason = field, reason
+
+
+def check(self) -> None:
+    """The `__post_init__` of a dataclass whose annotations carry ranges: finite numbers, inside their range.
+
+    Raises Invalid naming the field.
+    """
+    for name, kind in get_type_hints(type(self), include_extras=True).items():
+        value = getattr(self, name)
+        if isinstance(value, (int, float, tuple)) and not np.all(np.isfinite(value)):
+            raise Invalid(name, "must be finite")
+        for limit in (limit for part in (kind, *get_args(kind)) for limit in getattr(part, "__metadata__", ())):
+            for symbol, holds, bound in (
+                (">", operator.gt, getattr(limit, "gt", None)),
+                (">=", operator.ge, getattr(limit, "ge", None)),
+                ("<=", operator.le, getattr(limit, "le", None)),
+            ):
+                if bound is not None and value is not None and not np.all(holds(np.asarray(value), bound)):
+                    raise Invalid(name, f"must be {symbol} {bound}")
+
+
+def unit(self_field: str, vector: Vector) -> np.ndarray:
+    """`vector` scaled to length 1. Raises Invalid naming `self_field` when it has no direction."""
+    length = np.linalg.norm(vector)
+    if length == 0:
+        raise Invalid(self_field, "must not be the zero vector")
+    return np.asarray(vector, float) / length
 
 
 class Mesh(NamedTuple):

@@ -1,0 +1,98 @@
+"""Reading a summary: its columns, the rows a chart shows, and what there is to say about the others."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any
+
+from runner.chart._names import SUMMARY, meant, words
+
+if TYPE_CHECKING:
+    import pyarrow
+
+#: The type of an option that names a column of the summary.
+Column = Annotated[str, "a column of the summary"]
+
+WHOLE = ("finished", "rested")  # runs that went on to their end: only their figures compare
+MOST = 28  # lines or panels a reader can still tell apart: 7 colours x 4 dashes
+
+
+def column(table: pyarrow.Table, option: str, name: str) -> list[Any]:
+    """The values of a column, None where empty; lists as text. `option` is told in the error when there is no such one."""
+    if name not in table.column_names:
+        raise ValueError(f"{option}: the summary has no column {name!r}{meant(name, table.column_names)}")
+    values = table.column(name).to_pylist()
+    return [None if v != v else str(v) if isinstance(v, (list, dict)) else v for v in values]
+
+
+def numbers(table: pyarrow.Table, option: str, name: str) -> list[float | None]:
+    """The values of a column of numbers. Raises ValueError where it holds something else."""
+    values = column(table, option, name)
+    if not numeric(values):
+        raise ValueError(f"{option}: column {name!r} holds no numbers")
+    return values
+
+
+def split(table: pyarrow.Table, option: str, name: str | None) -> list[Any]:
+    """What tells the rows apart: the values of a column, or None throughout when no column is named."""
+    values = [None] * table.num_rows if name is None else column(table, option, name)
+    if (count := len(set(values))) > MOST:
+        raise ValueError(f"{option}: column {name!r} has {count} different values, too many to tell apart (at most {MOST})")
+    return values
+
+
+def numeric(values: Iterable[Any]) -> bool:
+    """Whether all values but the empty ones are numbers; truth values are not."""
+    return all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values if v is not None)
+
+
+def distinct(values: Iterable[Any]) -> list[Any]:
+    """The different values: numbers in order, others in the order of the table, as the experiment lists them."""
+    found = list(dict.fromkeys(values))
+    return sorted(found, key=lambda v: math.inf if v is None else v) if numeric(found) else found
+
+
+def whole_runs(table: pyarrow.Table, **shown: str) -> tuple[list[int], list[str]]:
+    """The rows of runs that went on to their end, with finite values in all columns `shown`, and notes on the others."""
+    status = column(table, "status", "status")
+    columns = {name: column(table, option, name) for option, name in shown.items()}
+    rows, missing = [], Counter()
+    for row, state in enumerate(status):
+        absent = [words(name) for name, values in columns.items() if not _present(values[row])]
+        if state not in WHOLE:
+            missing[f"{{}} {state} {{}} not shown"] += 1
+        elif absent:
+            missing[f"{{}} {{}} without {absent[0]} not shown"] += 1
+        else:
+            rows.append(row)
+    return rows, [note.format(count, plural(count)) for note, count in missing.items()]
+
+
+def _present(value: Any) -> bool:
+    return value is not None and (not isinstance(value, float) or math.isfinite(value))
+
+
+def plural(count: int) -> str:
+    return "run" if count == 1 else "runs"
+
+
+def varying(table: pyarrow.Table, groups: Iterable[list[int]]) -> list[str]:
+    """The matrix keys that differ inside a group of rows, in words."""
+    groups = [rows for rows in groups if len(rows) > 1]
+    keys = {name: column(table, "", name) for name in table.column_names if name not in SUMMARY}
+    return [words(name) for name, values in keys.items() if any(len({values[r] for r in rows}) > 1 for rows in groups)]
+
+
+def spread_note(table: pyarrow.Table, groups: Iterable[list[int]]) -> str:
+    """What stands behind a median: "median and range of 9 runs each (damping and corridor magnitude vary)", if anything."""
+    groups = [rows for rows in groups if rows]
+    if all(len(rows) == 1 for rows in groups):
+        return ""
+    sizes = sorted({len(rows) for rows in groups})
+    count = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
+    keys = varying(table, groups)
+    listed = " and ".join([", ".join(keys[:-1]), keys[-1]]).removeprefix(" and ") if keys else ""
+    verb = "vary" if len(keys) > 1 else "varies"
+    return f"median and range of {count} runs each" + (f" ({listed} {verb})" if keys else "")

@@ -1,0 +1,62 @@
+"""The rerun viewer: how it lays out carom's recordings, and the command that opens them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runner.record.rrd import APPLICATION, SERIES
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+
+def blueprint() -> rrb.Blueprint:
+    """The scene beside the energies and the residual, which is too small to share their axis, and the parameters."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    def until_now(timeline: str) -> rrb.VisibleTimeRange:
+        return rrb.VisibleTimeRange(
+            timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+        )
+
+    def curves(name: str, *series: str, legend: bool) -> rrb.TimeSeriesView:
+        visible = rr.SeriesLines.from_fields(visible_series=[each in series for each in SERIES])
+        return rrb.TimeSeriesView(
+            origin="/energy",
+            name=name,
+            overrides={"/energy": visible},
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
+        )
+
+    scene = rrb.Spatial3DView(
+        origin="/",
+        contents=["/scene/**", "/balls", "/trails", "/bounces"],
+        name="scene",
+        overrides={"/bounces": rrb.VisibleTimeRanges([until_now("time"), until_now("frame")])},
+    )
+    figures = rrb.Vertical(
+        curves("energy (J)", "kinetic", "potential", "total", legend=True),
+        curves("energy residual (J)", "residual", legend=False),
+        rrb.TextDocumentView(origin="/about", name="about"),
+        row_shares=[3, 2, 3],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(scene, figures, column_shares=[3, 2]),
+        rrb.TimePanel(timeline="time", state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def write_blueprint(path: Path) -> None:
+    """Write the layout for all of carom's recordings to `path`, a `.rbl` file."""
+    blueprint().save(APPLICATION, path)
+
+
+def viewer_command(recordings: list[Path], blueprint: Path) -> list[str]:
+    """The command that opens `recordings` in a viewer of their own; it listens on this machine alone."""
+    files = [str(path) for path in (*recordings, blueprint)]
+    return [sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1", "--new", *files]

@@ -1,0 +1,38 @@
+"""The methods: one module each, found by its name, with its claims in METHOD and its formula in `step`.
+
+    step(h, t, x, v, forces) -> x, v
+
+moves one ball from age t (s), position x (m) and velocity v (m/s), 3-tuples, over h (s). It is plain Python of
+arithmetic, 3-tuples and `sim.forces.acceleration(t, x, v, forces)`; `sim.jit` compiles it into the loop over balls. Taken
+with a part of h it is the method's own interpolant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pkgutil import iter_modules
+
+
+@dataclass(frozen=True)
+class Method:
+    """What a method claims; the tests hold every claim against what is measured."""
+
+    order: int  # of the global error on smooth flight
+    oscillator_limit: float  # largest stable h * omega on x'' = -omega^2 x; 0: unstable at every step
+    drag_limit: float  # largest stable h * b on v' = -b v
+    evaluations: int  # of the acceleration, per step
+    symplectic: bool
+    reference: str
+
+
+def names() -> list[str]:
+    """Every method, in alphabetical order."""
+    return sorted(module.name for module in iter_modules(__path__))
+
+
+def load(name: str) -> tuple[Method, Callable, str]:
+    """The claims, the step and the description of the method `name`."""
+    module = import_module(f"{__name__}.{name}")
+    return module.METHOD, module.step, module.__doc__

@@ -1,0 +1,28 @@
+"""The original's method 3, which it calls RK4: each stage takes its velocity from its own acceleration, not the last one's."""
+
+from sim.forces import acceleration
+from sim.integrators import Method
+from sim.vector import axpy
+
+METHOD = Method(
+    order=0,
+    oscillator_limit=0.0,
+    drag_limit=0.0,
+    evaluations=4,
+    symplectic=False,
+    reference="the course project that carom grew from",
+)
+
+
+def step(h, t, x, v, forces):
+    a1 = acceleration(t, x, v, forces)
+    a2 = acceleration(t + h / 2, axpy(h / 2, v, x), axpy(h / 2, a1, v), forces)
+    v2 = axpy(h / 2, a2, v)
+    a3 = acceleration(t + h / 2, axpy(h / 2, v2, x), v2, forces)
+    v3 = axpy(h / 2, a3, v)
+    a4 = acceleration(t + h, axpy(h, v3, x), axpy(h, a3, v), forces)
+    v4 = axpy(h, a4, v)
+    return (
+        axpy(h / 6, axpy(2.0, axpy(1.0, v2, v3), axpy(1.0, v, v4)), x),
+        axpy(h / 6, axpy(2.0, axpy(1.0, a2, a3), axpy(1.0, a1, a4)), v),
+    )

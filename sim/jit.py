@@ -1,0 +1,93 @@
+"""From plain Python to compiled kernels: everything that knows numba.
+
+The kernels of `sim` are plain functions that call each other by name. `bind` rebuilds such a function with some of the names
+in its call tree bound to other things (`step` to a method's, a count to a constant) and compiles it. A kernel specialised
+that way is as fast as one written by hand and, unlike a closure, numba can keep it on disk.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+
+@cache
+def numba():
+    """numba, set up to keep its code in a folder of its own for each version of these sources.
+
+    numba looks for changes in the file of the cached function only, not in those it calls, hence the hash over all.
+    """
+    import numba
+
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "carom"
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        writable = os.access(home, os.W_OK)
+    except OSError:
+        writable = False
+    if not writable:
+        home = Path(tempfile.gettempdir()) / f"carom-{os.getuid()}"
+    numba.config.CACHE_DIR = str(home / digest.hexdigest()[:16])
+    return numba
+
+
+@cache
+def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
+    """`function` with the global `names` of its whole call tree bound to the values given; all must be hashable.
+
+    With `compiled` False the plain Python function, for oracles and for reading tracebacks.
+    """
+    return _rebuild(function, tuple(sorted(names.items())), compiled)
+
+
+@cache
+def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
+    bound, globals_ = dict(names), dict(function.__globals__)
+    for name in function.__code__.co_names:
+        value = bound.get(name, globals_.get(name))
+        if _is_kernel(value):
+            value = _rebuild(value, _used(value, names), compiled)
+        if name in globals_:
+            globals_[name] = value
+    rebuilt = FunctionType(function.__code__, globals_, function.__name__, function.__defaults__)
+    if not compiled:
+        return rebuilt
+    rebuilt.__module__ = function.__module__
+    # The name tells numba's files apart: two kernels of one name would be served each other's code.
+    rebuilt.__qualname__ = "__".join([function.__name__, *(_label(value) for _, value in names)])
+    return numba().njit(cache=True, error_model="numpy", forceinline=_melts(function))(rebuilt)
+
+
+def _used(function: Callable, names: tuple) -> tuple:
+    """Those of `names` that occur in the call tree of `function`: what it shares with no other it compiles only once."""
+    bound, seen, todo = dict(names), set(), [function]
+    while todo:
+        f = todo.pop()
+        for name in f.__code__.co_names:
+            value = bound.get(name, f.__globals__.get(name))
+            if (f, name) not in seen and _is_kernel(value):
+                todo.append(value)
+            seen.add((f, name))
+    return tuple((name, value) for name, value in names if any(name == used for _, used in seen))
+
+
+def _is_kernel(value: Any) -> bool:
+    return isinstance(value, FunctionType) and value.__module__.startswith("sim.")
+
+
+def _melts(function: Callable) -> bool:
+    """Whether calls must vanish into the caller, as what the loop over lanes calls has to for that loop to vectorise."""
+    return function.__module__.startswith(("sim.vector", "sim.forces", "sim.integrators"))
+
+
+def _label(value: Any) -> str:
+    return value.__module__.rsplit(".")[-1] if _is_kernel(value) else str(value)

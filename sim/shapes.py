@@ -1,0 +1,167 @@
+"""The shapes of surfaces: each says which facets a ball can hit and which triangles to look at.
+
+A new shape is one dataclass here, in SHAPES.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.expression import evaluate
+from sim.geometry import PARALLELOGRAM, PLANE, Facets, facets, triangles
+from sim.model import Invalid, Mesh, Positive, Vector, check, unit
+
+SHOWN = 10.0  # m, side of the patch drawn of an infinite plane
+MOST_CELLS = 4096
+
+Cells = Annotated[int, Ge(1), Le(MOST_CELLS)]
+
+
+def frame(normal: np.ndarray, up: Vector | None) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors e1, e2 in the plane of `normal` with e1 x e2 along it; e2 points along `up` as far as it can."""
+    if up is None:
+        up = (0.0, 0.0, 1.0) if abs(normal[1]) > 1 - 1e-9 else (0.0, 1.0, 0.0)
+    e2 = np.asarray(up, float) - np.dot(up, normal) * normal
+    if np.linalg.norm(e2) <= 1e-9 * np.linalg.norm(up):
+        raise Invalid("up", "must not be parallel to the normal")
+    e2 /= np.linalg.norm(e2)
+    return np.cross(e2, normal), e2
+
+
+def quads(corner: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Mesh:
+    """Triangles to look at, of parallelograms given by a corner and two edges, all (n, 3) m."""
+    vertices = np.stack([corner, corner + e1, corner + e1 + e2, corner + e2], axis=1).reshape(-1, 3)
+    start = 4 * np.arange(len(corner))[:, None, None]
+    return Mesh(vertices, (start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Infinite and one-sided: solid behind the normal."""
+
+    point: Vector = (0.0, 0.0, 0.0)  # m
+    normal: Vector = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check(self)
+        unit("normal", self.normal)
+
+    def facets(self) -> Facets:
+        return facets(self.point, *frame(unit("normal", self.normal), None), PLANE, two_sided=False)
+
+    def mesh(self) -> Mesh:
+        e1, e2 = (SHOWN * e for e in frame(unit("normal", self.normal), None))
+        return quads(np.atleast_2d(np.asarray(self.point, float) - (e1 + e2) / 2), e1, e2)
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Two-sided; its second side of length size[1] lies along `up` (default y, or z where the normal is along y)."""
+
+    center: Vector  # m
+    normal: Vector
+    size: tuple[Positive, Positive]  # m
+    up: Vector | None = None
+
+    def __post_init__(self) -> None:
+        check(self)
+        self._edges()
+
+    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A corner and the two edges, (1, 3) m each."""
+        e1, e2 = frame(unit("normal", self.normal), self.up)
+        e1, e2 = self.size[0] * e1, self.size[1] * e2
+        return tuple(np.atleast_2d(a) for a in (np.asarray(self.center, float) - (e1 + e2) / 2, e1, e2))
+
+    def facets(self) -> Facets:
+        return facets(*self._edges(), PARALLELOGRAM, two_sided=True)
+
+    def mesh(self) -> Mesh:
+        return quads(*self._edges())
+
+
+@dataclass(frozen=True)
+class Box:
+    """A solid box, or with `inside` a room whose walls are seen from within."""
+
+    center: Vector  # m
+    size: tuple[Positive, Positive, Positive]  # m
+    inside: bool = False
+
+    __post_init__ = check
+
+    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Corners and edges of the six sides, (6, 3) m each, their normals on the side that a ball can be on."""
+        edges = np.diag(self.size).astype(float)
+        low, high = np.asarray(self.center) - edges.sum(axis=0) / 2, np.asarray(self.center) + edges.sum(axis=0) / 2
+        sides = []
+        for k in range(3):
+            a, b = edges[(k + 1) % 3], edges[(k + 2) % 3]
+            # a x b points along axis k: outward at the high corner, where the edges run back
+            sides += [(high, -a, -b), (low, b, a)] if not self.inside else [(high, -b, -a), (low, a, b)]
+        return tuple(np.array(column) for column in zip(*sides))
+
+    def facets(self) -> Facets:
+        return facets(*self._edges(), PARALLELOGRAM, two_sided=False)
+
+    def mesh(self) -> Mesh:
+        return quads(*self._edges())
+
+
+@dataclass(frozen=True)
+class Heightfield:
+    """Triangles over the x-z plane, two to a cell, at y = height(x, z); centred on the origin."""
+
+    size: tuple[Positive, Positive]  # m, along x and z
+    cells: tuple[Cells, Cells]  # along x and z
+    height: str  # m, an expression in x and z
+
+    def __post_init__(self) -> None:
+        check(self)
+        try:
+            finite = np.isfinite(self.mesh().vertices).all()
+        except ValueError as error:
+            raise Invalid("height", str(error)) from None
+        if not finite:
+            raise Invalid("height", "is not finite everywhere on the field")
+
+    def mesh(self) -> Mesh:
+        n, m = self.cells
+        x, z = (np.linspace(-s / 2, s / 2, c + 1) for s, c in zip(self.size, self.cells))
+        x, z = (a.ravel() for a in np.meshgrid(x, z, indexing="ij"))
+        corner = (np.arange(n)[:, None] * (m + 1) + np.arange(m)).reshape(-1, 1, 1)
+        # counter-clockwise seen from above: normals up
+        cell = np.array([[0, 1, m + 2], [0, m + 2, m + 1]])
+        return Mesh(np.stack([x, evaluate(self.height, x=x, z=z), z], axis=1), (corner + cell).reshape(-1, 3))
+
+    def facets(self) -> Facets:
+        return triangles(*self.mesh())
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Any triangles, two-sided: vertices (n, 3) m, corners (m, 3) indices."""
+
+    vertices: np.ndarray = field(repr=False)
+    corners: np.ndarray = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.corners) == 0:
+            raise Invalid("mesh", "has no triangles")
+        if not np.isfinite(self.vertices).all():
+            bad = int(np.sum(~np.isfinite(self.vertices).all(axis=1)))
+            raise Invalid("mesh", f"{bad} of {len(self.vertices)} vertices are not finite")
+
+    def mesh(self) -> Mesh:
+        return Mesh(self.vertices, self.corners)
+
+    def facets(self) -> Facets:
+        return triangles(self.vertices, self.corners)
+
+
+#: The name in `shape:` -> the shape. A mesh file becomes Triangles once it is read.
+SHAPES = {"plane": Plane, "rectangle": Rectangle, "box": Box, "heightfield": Heightfield}
