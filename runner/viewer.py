@@ -53,7 +53,10 @@ def blueprint() -> rrb.Blueprint:
 
 def write_blueprint(path: Path) -> None:
     """Write the layout for all of carom's recordings to `path`, a `.rbl` file."""
+    import rerun as rr
+
     blueprint().save(APPLICATION, path)
+    rr.bindings.flush_and_cleanup_orphaned_recordings()  # or its stream would keep two threads
 
 
 def viewer_command(recordings: list[Path], blueprint: Path) -> list[str]:

@@ -6,6 +6,7 @@ A new shape is one dataclass here, in SHAPES.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -129,6 +130,7 @@ class Heightfield:
         if not finite:
             raise Invalid("height", "is not finite everywhere on the field")
 
+    @lru_cache(maxsize=4)  # noqa: B019 - asked for again by every run of a sweep
     def mesh(self) -> Mesh:
         n, m = self.cells
         x, z = (np.linspace(-s / 2, s / 2, c + 1) for s, c in zip(self.size, self.cells))

@@ -33,15 +33,18 @@ class Scene:
 @dataclass(frozen=True)
 class Solver:
     method: str
-    step: Positive = 1e-3  # s
-    contact: str = "original"
+    step: Positive = 1e-3  # s, of the methods with a fixed step
+    tolerance: Positive = 1e-9  # of the adaptive methods
+    contact: str = "swept"
 
     def __post_init__(self) -> None:
         check(self)
         if self.method not in integrators.names():
-            raise Invalid("method", f"unknown method '{self.method}'; known are {', '.join(integrators.names())}")
+            state = "is not built yet" if self.method == "exact" else "is unknown"
+            raise Invalid("method", f"'{self.method}' {state}; there are {', '.join(integrators.names())}")
         if self.contact not in CONTACTS:
-            raise Invalid("contact", f"'{self.contact}' is not built yet; there is {', '.join(CONTACTS)}")
+            state = "is not built yet" if self.contact == "swept" else "is unknown"
+            raise Invalid("contact", f"'{self.contact}' {state}; write contact: {' or '.join(CONTACTS)}")
 
 
 @dataclass(frozen=True)

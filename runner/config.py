@@ -1,0 +1,151 @@
+"""From an experiment file to an experiment: read, checked as a whole, every mistake told with its place."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+import sim
+from runner import chart
+from runner.document import Document, Path_, dotted, split
+from runner.errors import Fault, InputError
+from runner.faults import explain
+from runner.matrix import Matrix, Values, parse, with_value
+from runner.schema import Expectation, File, Setup
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of an experiment."""
+
+    setup: Setup
+    folder: Path  # that file names in the setup are relative to
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """The resolved configuration as JSON would hold it."""
+        return self.setup.model_dump(mode="json")
+
+    @cached_property
+    def run_id(self) -> str:
+        """A readable prefix and a hash of everything that can change the result; the same on every machine."""
+        content = json.dumps([sim.ANSWERS, self.parameters], sort_keys=True, separators=(",", ":"))
+        setup, digest = self.setup, hashlib.sha256(content.encode()).hexdigest()
+        return f"{setup.solver.method}-m{setup.balls.mass:g}-d{setup.scene.damping:g}-{digest[:12]}"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A checked experiment: `base` is the run of the file's own values, `matrix` what varies."""
+
+    name: str
+    document: Document
+    base: Run
+    matrix: Matrix
+    expect: tuple[Expectation, ...]
+    charts: tuple[dict[str, Any], ...]
+
+    def runs(self) -> list[Run]:
+        """Every run of the matrix, equal ones once. Raises InputError with all that is wrong with any of them."""
+        runs, faults = {}, {}
+        for values in self.matrix.combinations(self.base.parameters):
+            try:
+                run = _run(self.document, values)
+                runs.setdefault(run.run_id, run)
+            except InputError as error:
+                faults.update(dict.fromkeys(error.faults))
+        if faults:
+            raise InputError(*faults)
+        return list(runs.values())
+
+
+def load(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
+    """Read the experiment file at `path`, its settings replaced by `overrides` (dotted path -> value).
+
+    A setting that the matrix varies then takes the one value. Raises InputError, a line for each mistake.
+    """
+    document = Document(Path(path))
+    for key, value in (overrides or {}).items():
+        vary(document, key, [value])
+    return check(document)
+
+
+def vary(document: Document, key: str, values: list[Any]) -> None:
+    """Give the setting `key` one value, or let the matrix vary it over several."""
+    matrix = document.data.get("matrix") or {}
+    groups = matrix.get("zip") if isinstance(matrix, dict) else None
+    if any(key in group for group in groups or [] if isinstance(group, dict)):
+        raise InputError(Fault(f"-s {key}", "matrix.zip", "varies together with other settings, so it has no value of its own"))
+    if len(values) > 1 or key in matrix:
+        document.override(("matrix", key), values, f"-s {key}")
+    if len(values) == 1:
+        document.override(split(key), values[0], f"-s {key}")
+
+
+def check(document: Document) -> Experiment:
+    """The experiment in `document`. Raises InputError, a line for each mistake."""
+    faults = []
+    try:
+        file = _validate(File, document.data, document)
+    except InputError as error:
+        faults += error.faults
+    faults += _chart_faults(document)
+    if faults:
+        raise InputError(*faults)
+    base = _run(document, {})
+    matrix = parse(file.matrix, base.parameters, document)
+    return Experiment(file.name or document.path.stem, document, base, matrix, tuple(file.expect), tuple(file.charts))
+
+
+def resolve(parameters: dict[str, Any], folder: Path) -> Run:
+    """The run of resolved `parameters`, as `Run.parameters` gave them."""
+    return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
+
+
+def _run(document: Document, values: Values) -> Run:
+    """The run of the file's own settings with `values` instead."""
+    data = {key: value for key, value in document.data.items() if key in Setup.model_fields}
+    for key, setting in values.items():
+        data = with_value(data, split(key), setting.value)
+    origins = {split(key): setting.origin for key, setting in values.items()}
+    return Run(_validate(Setup, data, document, origins), document.path.parent)
+
+
+def _validate(model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}) -> Any:
+    try:
+        return model.model_validate_json(_json(data), context={"folder": document.path.parent})
+    except ValidationError as error:
+        raise InputError(*explain(error, model, data, document, origins)) from None
+
+
+def _json(data: Any) -> str:
+    """JSON in which 1000.0 is 1000, so that `count: 1e3` is a whole number; pydantic is strict about that."""
+
+    def whole(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: whole(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [whole(each) for each in value]
+        return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
+
+    return json.dumps(whole(data))
+
+
+def _chart_faults(document: Document) -> list[Fault]:
+    faults, charts = [], document.data.get("charts")
+    for index, options in enumerate(charts if isinstance(charts, list) else []):
+        try:
+            if isinstance(options, dict):
+                chart.parse(options)
+        except ValueError as error:
+            name, _, reason = str(error).partition(": ")
+            path = ("charts", index, name)
+            faults.append(Fault(document.place(path), dotted(path), reason))
+    return faults

@@ -1,0 +1,176 @@
+"""A YAML 1.2 file as plain data that still knows the line and column of everything in it."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from runner.errors import Fault, InputError
+
+Path_ = tuple[str | int, ...]
+
+MOST_NODES = 1_000_000  # of a file with all aliases written out
+DEEPEST = 50
+LARGEST = 10_000_000  # bytes
+
+SPELLINGS = {"centre": "center"}  # keys that may be spelt both ways
+
+
+class Document:
+    """A file's content in `data` (dicts, lists, numbers, texts, None) and the place of each part of it.
+
+    Raises InputError when it is not a YAML mapping, holds a duplicate key, a tag, or a number that is not finite.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._places: dict[Path_, tuple[int, int]] = {}
+        self._origins: dict[Path_, str] = {}
+        self._nodes = 0
+        self.tree = self._parse()
+        self.data = self._plain(self.tree, ())
+        if not isinstance(self.data, dict):
+            raise InputError(Fault(f"{path}:1:1", "", "an experiment is a mapping of settings, `scene:` and the like"))
+
+    def place(self, path: Path_) -> str:
+        """file:line:column of what stands at `path`, or of the nearest thing around it."""
+        for length in range(len(path), -1, -1):
+            if path[:length] in self._origins:
+                return self._origins[path[:length]]
+            if path[:length] in self._places:
+                line, column = self._places[path[:length]]
+                return f"{self.path}:{line + 1}:{column + 1}"
+        return f"{self.path}:1:1"
+
+    def text(self) -> str:
+        """The file, comments and all, with the overrides applied."""
+        from io import StringIO
+
+        out = StringIO()
+        _yaml().dump(self.tree, out)
+        return out.getvalue()
+
+    def _parse(self) -> Any:
+        try:
+            if self.path.stat().st_size > LARGEST:
+                raise InputError(f"{self.path}: larger than {LARGEST // 1_000_000} MB, not an experiment")
+            return _yaml().load(self.path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(f"{self.path}: no such file{_nearby(self.path)}") from None
+        except UnicodeDecodeError:
+            raise InputError(f"{self.path}: not a text file in UTF-8") from None
+        except OSError as error:
+            raise InputError(f"{self.path}: {error.strerror}") from None
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            place = f"{self.path}:{mark.line + 1}:{mark.column + 1}" if mark else str(self.path)
+            raise InputError(Fault(place, "", " ".join((error.problem or str(error)).split()))) from None
+        except YAMLError as error:
+            raise InputError(Fault(str(self.path), "", " ".join(str(error).split()))) from None
+        except (RecursionError, ValueError) as error:
+            reason = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+            raise InputError(Fault(str(self.path), "", reason)) from None
+
+    def _plain(self, node: Any, path: Path_) -> Any:
+        """`node` without YAML's own types; notes the place of each part on the way."""
+        self._nodes += 1
+        if self._nodes > MOST_NODES or len(path) > DEEPEST:
+            what = "nested too deeply" if len(path) > DEEPEST else f"more than {MOST_NODES:,} values with its aliases"
+            raise InputError(Fault(self.place(path), "", what))
+        if isinstance(node, dict):
+            out = {}
+            for key, value in node.items():
+                name = SPELLINGS.get(key, key) if isinstance(key, str) else key
+                self._note(path + (name,), node, key)
+                if not isinstance(key, str) or name in out:
+                    reason = "given twice" if name in out else "a key must be a text"
+                    raise InputError(Fault(self.place(path + (name,)), dotted(path + (name,)), reason))
+                out[name] = self._plain(value, path + (name,))
+            return out
+        if isinstance(node, list):
+            for index in range(len(node)):
+                self._note(path + (index,), node, index)
+            return [self._plain(value, path + (index,)) for index, value in enumerate(node)]
+        if node is None or isinstance(node, bool):
+            return node
+        if isinstance(node, int):
+            return int(node)
+        if isinstance(node, float):
+            if not math.isfinite(node):
+                raise InputError(Fault(self.place(path), dotted(path), "must be a finite number"))
+            return float(node)
+        if isinstance(node, str):
+            return str(node)
+        raise InputError(Fault(self.place(path), dotted(path), f"a {type(node).__name__} has no meaning here"))
+
+    def _note(self, path: Path_, parent: Any, key: Any) -> None:
+        try:
+            # the key where it stands on the value's line or before: errors point at the name of a setting
+            self._places[path] = parent.lc.key(key) if isinstance(parent, dict) else parent.lc.item(key)
+        except (KeyError, AttributeError, TypeError):
+            pass  # merged in by `<<`: the place around it serves
+
+    def override(self, path: Path_, value: Any, origin: str) -> None:
+        """Put `value` at `path`, in the data and in the file's text; mistakes in it are told as at `origin`."""
+        node, plain = self.tree, self.data
+        for depth, key in enumerate(path[:-1]):
+            if isinstance(plain, dict) and plain.get(key) is None:
+                plain[key], node[_spelt(node, key)] = {}, {}
+            try:
+                node, plain = node[_spelt(node, key)], plain[key]
+            except (IndexError, TypeError):
+                plain = None
+            if not isinstance(plain, (dict, list)):
+                raise InputError(Fault(origin, dotted(path[: depth + 1]), "is not a group of settings"))
+        if isinstance(plain, list) and not (isinstance(path[-1], int) and path[-1] < len(plain)):
+            raise InputError(Fault(origin, dotted(path), "there is no such item in the list"))
+        self._origins[path] = origin
+        plain[path[-1]] = self._plain(value, path)
+        node[_spelt(node, path[-1])] = value
+
+
+def _spelt(node: Any, key: str | int) -> str | int:
+    """`key` as `node` spells it."""
+    return next((other for other, name in SPELLINGS.items() if name == key and isinstance(node, dict) and other in node), key)
+
+
+def split(name: str) -> Path_:
+    """A dotted path as a tuple; numbers count the items of a list."""
+    return tuple(int(part) if part.isdigit() else SPELLINGS.get(part, part) for part in name.split("."))
+
+
+def dotted(path: Iterable[str | int]) -> str:
+    return ".".join(str(part) for part in path)
+
+
+def read_value(text: str) -> Any:
+    """The YAML value of a piece of text, as in `-s balls.mass=1e-1`."""
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except YAMLError:
+        raise InputError(f"-s: {text!r} is not a YAML value") from None
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """` (did you mean 'x'?)` for the known word nearest to `word`, else nothing."""
+    near = difflib.get_close_matches(str(word), [str(k) for k in known], 1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def _yaml() -> YAML:
+    yaml = YAML(typ="rt", pure=True)
+    yaml.allow_duplicate_keys = False
+    yaml.width = 1000
+    return yaml
+
+
+def _nearby(path: Path) -> str:
+    if not path.parent.is_dir():
+        return ""
+    return suggestion(path.name, [p.name for p in path.parent.glob("*.y*ml")])

@@ -1,0 +1,34 @@
+"""What goes wrong by the user's hand or the machine's, told in a line each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Fault(NamedTuple):
+    """One mistake in an experiment file: where it is, the path of the setting, what is wrong with it."""
+
+    place: str  # file:line:column, or the option that brought it in
+    path: str
+    reason: str
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in self if part)
+
+
+def _position(fault: Fault | str) -> tuple:
+    """What to sort by, so that faults are told from the top of the file to its end."""
+    parts = fault.place.rsplit(":", 2) if isinstance(fault, Fault) else []
+    return tuple(int(part) if part.isdigit() else 0 for part in parts[1:])
+
+
+class InputError(Exception):
+    """The user's input is wrong; str() is a line for each fault. The command line exits with 2."""
+
+    def __init__(self, *faults: Fault | str):
+        self.faults = sorted(faults, key=_position)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class RunError(Exception):
+    """A run or its files could not be completed; str() is one line. The command line exits with 1."""

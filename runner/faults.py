@@ -1,0 +1,121 @@
+"""pydantic's errors as faults: in plain words, with the place in the file and the word that was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from runner.document import Document, Path_, dotted, split, suggestion
+from runner.errors import Fault
+
+TYPES = {
+    "int": "a whole number", "float": "a number", "string": "a text", "bool": "true or false", "tuple": "a list", "list": "a list",
+    "dict": "a group of settings", "mapping": "a group of settings", "model": "a group of settings",
+    "model_attributes": "a group of settings",
+}  # fmt: skip
+LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le"), "less_than": ("<", "lt")}
+
+
+def explain(
+    error: ValidationError, model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}
+) -> list[Fault]:
+    """A fault for each thing wrong with `data`, checked as `model`.
+
+    `origins` tells of settings that stand elsewhere in the document, as the matrix's do: path of the setting -> path there.
+    """
+    faults = []
+    for each in error.errors(include_url=False):
+        path = _path(each["loc"], data, absent=each["type"] in ("missing", "extra_forbidden"))
+        if "field" in each.get("ctx", {}):
+            path += split(each["ctx"]["field"])
+        reason = _reason(each, path, model)
+        faults.append(Fault(document.place(_origin(path, origins)), dotted(path), reason))
+    return faults
+
+
+def _path(loc: tuple, data: Any, absent: bool) -> Path_:
+    """pydantic's location without the tags of unions that it puts in; `absent`: it ends with what is not in the data."""
+    path = []
+    for position, part in enumerate(loc):
+        known = isinstance(data, dict) and part in data or isinstance(data, list) and isinstance(part, int) and part < len(data)
+        if known or (absent and position == len(loc) - 1):
+            path.append(part)
+            data = data[part] if known else None
+    return tuple(path)
+
+
+def _origin(path: Path_, origins: Mapping[Path_, Path_]) -> Path_:
+    for setting, place in origins.items():
+        shared = min(len(setting), len(path))
+        if setting[:shared] == path[:shared]:
+            return place + path[shared:]
+    return path
+
+
+def _reason(error: dict, path: Path_, model: type[BaseModel]) -> str:
+    kind, context, value = error["type"], error.get("ctx", {}), error["input"]
+    if kind == "missing":
+        return "is missing"
+    if kind == "extra_forbidden":
+        return f"unknown setting{suggestion(path[-1], _keys(model, error['loc'][:-1]))}"
+    if kind == "invalid":
+        return context["reason"]
+    if kind in LIMITS:
+        symbol, name = LIMITS[kind]
+        return f"must be {symbol} {context[name]:g}, not {short(value)}"
+    if kind in ("literal_error", "union_tag_invalid"):
+        given = value if kind == "literal_error" else context["tag"]
+        allowed = context.get("expected") or context["expected_tags"]
+        words = [word.strip("' ") for word in allowed.replace(" or ", ",").split(",")]
+        return f"must be one of {', '.join(words)}, not {short(given)}{suggestion(given, words)}"
+    if kind == "union_tag_not_found":
+        return f"needs {context['discriminator']}, to say what it is"
+    if kind in ("too_short", "too_long"):
+        limit = context["min_length"] if kind == "too_short" else context["max_length"]
+        return f"must have at {'least' if kind == 'too_short' else 'most'} {limit} items, not {context['actual_length']}"
+    if kind == "none_required":
+        return f"{short(value)} is not built yet; leave it out"
+    if kind == "string_pattern_mismatch":
+        return f"{short(value)} is not a name: letters, digits, '_' and '-', and a letter first"
+    stem = kind.removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")
+    if stem in TYPES:
+        return f"must be {TYPES[stem]}, not {short(value)}"
+    return error["msg"]
+
+
+def short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _keys(kind: Any, loc: tuple) -> list[str]:
+    """The settings that the group at pydantic's location `loc` below `kind` may hold."""
+    for part in loc:
+        kind = _child(kind, part)
+    kind = _bare(kind)
+    return [key for key in kind.model_fields] if isinstance(kind, type) and issubclass(kind, BaseModel) else []
+
+
+def _child(kind: Any, part: str | int) -> Any:
+    kind = _bare(kind)
+    if get_origin(kind) in (Union, UnionType):  # the location names the member by its tag
+        for member in get_args(kind):
+            tags = [get_args(field.annotation) for name, field in member.model_fields.items() if name in ("shape", "type")]
+            if (part,) in tags:
+                return member
+    if get_origin(kind) in (dict, Mapping, list, tuple):
+        return get_args(kind)[-1]
+    return kind.model_fields[part].annotation if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _bare(kind: Any) -> Any:
+    """`kind` without Annotated and `| None`."""
+    if get_origin(kind) is Annotated:
+        return _bare(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        members = [member for member in get_args(kind) if member is not type(None)]
+        return _bare(members[0]) if len(members) == 1 else Union[tuple(members)]
+    return kind

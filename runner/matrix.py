@@ -1,0 +1,139 @@
+"""What varies from run to run: every combination of the axes, less `exclude`, and `include` besides."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from runner.document import Document, Path_, dotted, split, suggestion
+from runner.errors import Fault, InputError
+
+
+class Setting(NamedTuple):
+    """A value that a run takes instead of the file's own, and where in the document it stands."""
+
+    value: Any
+    origin: Path_
+
+
+Values = dict[str, Setting]  # by dotted path
+
+
+@dataclass(frozen=True)
+class Matrix:
+    axes: tuple[tuple[Values, ...], ...]  # of each axis the alternatives; several keys where they vary together
+    exclude: tuple[dict[str, Any], ...]  # a combination that matches one of these in part is dropped
+    include: tuple[Values, ...]  # runs besides, over the file's own values
+
+    @property
+    def keys(self) -> list[str]:
+        """Every setting that varies, in the order of the file."""
+        alternatives = itertools.chain(*self.axes, self.include)
+        return list(dict.fromkeys(key for values in alternatives for key in values))
+
+    @property
+    def size(self) -> int:
+        """How many runs there are before `exclude`, and before equal ones become one."""
+        return (math.prod(len(axis) for axis in self.axes) if self.axes else not self.include) + len(self.include)
+
+    def combinations(self, parameters: dict[str, Any]) -> Iterator[Values]:
+        """The values of each run; `parameters` are those of the file itself, for `exclude` to look at."""
+        if self.axes or not self.include:
+            for alternatives in itertools.product(*self.axes):
+                values = {key: setting for part in alternatives for key, setting in part.items()}
+                if not any(_matches(pattern, values, parameters) for pattern in self.exclude):
+                    yield values
+        yield from self.include
+
+
+def _matches(pattern: dict[str, Any], values: Values, parameters: dict[str, Any]) -> bool:
+    return all(
+        (values[key].value if key in values else value_at(parameters, split(key))) == wanted
+        for key, wanted in pattern.items()
+    )
+
+
+def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
+    """The matrix of the document. `parameters` are the resolved settings of the file itself: what is not there cannot vary.
+
+    Raises InputError, a line for each mistake.
+    """
+    faults: list[Fault] = []
+
+    def fault(path: Path_, reason: str) -> None:
+        faults.append(Fault(document.place(path), dotted(path), reason))
+
+    def known(key: Any, path: Path_) -> bool:
+        try:
+            value_at(parameters, split(key))
+        except (KeyError, IndexError, TypeError, AttributeError):
+            fault(path, f"there is no setting '{key}'{suggestion(key, _leaves(parameters))}")
+            return False
+        return True
+
+    def axis(group: Any, path: Path_) -> tuple[Values, ...]:
+        """Settings that vary together: {key: [values]}."""
+        lists = {}
+        for key, values in group.items():
+            here = path + (key,)
+            if not known(key, here):
+                continue
+            if not isinstance(values, list):
+                fault(here, "must be a list of values")
+            elif not values:
+                fault(here, "must not be an empty list")
+            else:
+                lists[key] = [Setting(value, here + (index,)) for index, value in enumerate(values)]
+        if len({len(values) for values in lists.values()}) > 1:
+            counts = ", ".join(f"{key} has {len(values)}" for key, values in lists.items())
+            fault(path, f"lists that vary together must be equally long: {counts}")
+            return ()
+        return tuple(dict(zip(lists, row)) for row in zip(*lists.values()))
+
+    def patterns(name: str) -> list[tuple[dict[str, Any], Path_]]:
+        """The list of mappings under `name`, with their places."""
+        entries = raw.get(name, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) and entry for entry in entries):
+            fault(("matrix", name), "must be a list of groups, each {setting: value, ...}")
+            return []
+        return [(entry, ("matrix", name, index)) for index, entry in enumerate(entries)]
+
+    axes = [axis({key: raw[key]}, ("matrix",)) for key in raw if key not in ("zip", "exclude", "include")]
+    axes += [axis(group, path) for group, path in patterns("zip")]
+    exclude = [entry for entry, path in patterns("exclude") if all([known(key, path + (key,)) for key in entry])]
+    include = [
+        {key: Setting(value, path + (key,)) for key, value in entry.items()}
+        for entry, path in patterns("include")
+        if all([known(key, path + (key,)) for key in entry])
+    ]
+    if faults:
+        raise InputError(*faults)
+    return Matrix(tuple(axes), tuple(exclude), tuple(include))
+
+
+def value_at(parameters: Any, path: Path_) -> Any:
+    """What stands at `path`. Raises KeyError, IndexError or TypeError where nothing does."""
+    for part in path:
+        parameters = parameters[part]
+    return parameters
+
+
+def with_value(parameters: Any, path: Path_, value: Any) -> Any:
+    """A copy of `parameters` with `value` at `path`; what it shares with the original is not copied."""
+    if not path:
+        return value
+    copy = list(parameters) if isinstance(parameters, list) else dict(parameters or {})
+    inner = parameters[path[0]] if isinstance(parameters, list) else (parameters or {}).get(path[0])
+    copy[path[0]] = with_value(inner, path[1:], value)
+    return copy
+
+
+def _leaves(parameters: Any, path: Path_ = ()) -> Iterator[str]:
+    if isinstance(parameters, Mapping):
+        for key, value in parameters.items():
+            yield from _leaves(value, path + (key,))
+    else:
+        yield dotted(path)
