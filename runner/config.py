@@ -16,9 +16,11 @@ import sim
 from runner import chart
 from runner.document import Document, Path_, dotted, split
 from runner.errors import Fault, InputError
+from runner.expect import check_columns
 from runner.faults import explain
-from runner.matrix import Matrix, Values, parse, with_value
+from runner.matrix import Matrix, Values, parse
 from runner.schema import Expectation, File, Setup
+from runner.settings import with_value
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ def check(document: Document) -> Experiment:
         raise InputError(*faults)
     base = _run(document, {})
     matrix = parse(file.matrix, base.parameters, document)
+    check_columns(file.expect, base.parameters, document)
     return Experiment(file.name or document.path.stem, document, base, matrix, tuple(file.expect), tuple(file.charts))
 
 
@@ -115,12 +118,12 @@ def _run(document: Document, values: Values) -> Run:
     for key, setting in values.items():
         data = with_value(data, split(key), setting.value)
     origins = {split(key): setting.origin for key, setting in values.items()}
-    return Run(_validate(Setup, data, document, origins), document.path.parent)
+    return Run(_validate(Setup, data, document, origins), document.folder)
 
 
 def _validate(model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}) -> Any:
     try:
-        return model.model_validate_json(_json(data), context={"folder": document.path.parent})
+        return model.model_validate_json(_json(data), context={"folder": document.folder})
     except ValidationError as error:
         raise InputError(*explain(error, model, data, document, origins)) from None
 

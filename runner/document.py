@@ -28,8 +28,9 @@ class Document:
     Raises InputError when it is not a YAML mapping, holds a duplicate key, a tag, or a number that is not finite.
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, folder: Path | None = None):
         self.path = path
+        self.folder = folder or path.parent  # that file names in it are relative to
         self._places: dict[Path_, tuple[int, int]] = {}
         self._origins: dict[Path_, str] = {}
         self._nodes = 0
@@ -149,12 +150,15 @@ def dotted(path: Iterable[str | int]) -> str:
     return ".".join(str(part) for part in path)
 
 
-def read_value(text: str) -> Any:
-    """The YAML value of a piece of text, as in `-s balls.mass=1e-1`."""
+def read_values(text: str, origin: str) -> list[Any]:
+    """The YAML values in a piece of text with commas between, as in `-s balls.mass=1,1e1`. Raises InputError told at `origin`."""
     try:
-        return YAML(typ="safe", pure=True).load(text)
+        values = _yaml().load(f"[{text}]")
     except YAMLError:
-        raise InputError(f"-s: {text!r} is not a YAML value") from None
+        raise InputError(Fault(origin, "", "not a value in YAML")) from None
+    if not values:
+        raise InputError(Fault(origin, "", "has no value"))
+    return list(values)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

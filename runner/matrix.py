@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault, InputError
+from runner.settings import canonical, leaves, value_at
 
 
 class Setting(NamedTuple):
@@ -70,7 +71,7 @@ def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
         try:
             value_at(parameters, split(key))
         except (KeyError, IndexError, TypeError, AttributeError):
-            fault(path, f"there is no setting '{key}'{suggestion(key, _leaves(parameters))}")
+            fault(path, f"there is no setting '{key}'{suggestion(key, (name for name, _ in leaves(parameters)))}")
             return False
         return True
 
@@ -86,7 +87,7 @@ def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
             elif not values:
                 fault(here, "must not be an empty list")
             else:
-                lists[key] = [Setting(value, here + (index,)) for index, value in enumerate(values)]
+                lists[canonical(key)] = [Setting(value, here + (index,)) for index, value in enumerate(values)]
         if len({len(values) for values in lists.values()}) > 1:
             counts = ", ".join(f"{key} has {len(values)}" for key, values in lists.items())
             fault(path, f"lists that vary together must be equally long: {counts}")
@@ -103,37 +104,16 @@ def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
 
     axes = [axis({key: raw[key]}, ("matrix",)) for key in raw if key not in ("zip", "exclude", "include")]
     axes += [axis(group, path) for group, path in patterns("zip")]
-    exclude = [entry for entry, path in patterns("exclude") if all([known(key, path + (key,)) for key in entry])]
+    exclude = [
+        {canonical(key): value for key, value in entry.items()}
+        for entry, path in patterns("exclude")
+        if all([known(key, path + (key,)) for key in entry])
+    ]
     include = [
-        {key: Setting(value, path + (key,)) for key, value in entry.items()}
+        {canonical(key): Setting(value, path + (key,)) for key, value in entry.items()}
         for entry, path in patterns("include")
         if all([known(key, path + (key,)) for key in entry])
     ]
     if faults:
         raise InputError(*faults)
     return Matrix(tuple(axes), tuple(exclude), tuple(include))
-
-
-def value_at(parameters: Any, path: Path_) -> Any:
-    """What stands at `path`. Raises KeyError, IndexError or TypeError where nothing does."""
-    for part in path:
-        parameters = parameters[part]
-    return parameters
-
-
-def with_value(parameters: Any, path: Path_, value: Any) -> Any:
-    """A copy of `parameters` with `value` at `path`; what it shares with the original is not copied."""
-    if not path:
-        return value
-    copy = list(parameters) if isinstance(parameters, list) else dict(parameters or {})
-    inner = parameters[path[0]] if isinstance(parameters, list) else (parameters or {}).get(path[0])
-    copy[path[0]] = with_value(inner, path[1:], value)
-    return copy
-
-
-def _leaves(parameters: Any, path: Path_ = ()) -> Iterator[str]:
-    if isinstance(parameters, Mapping):
-        for key, value in parameters.items():
-            yield from _leaves(value, path + (key,))
-    else:
-        yield dotted(path)

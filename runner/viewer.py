@@ -6,7 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runner.record.rrd import APPLICATION, SERIES
+from runner import store
+from runner.document import suggestion
+from runner.errors import InputError
+from runner.record.rrd import APPLICATION, FILE, SERIES
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -63,3 +66,22 @@ def viewer_command(recordings: list[Path], blueprint: Path) -> list[str]:
     """The command that opens `recordings` in a viewer of their own; it listens on this machine alone."""
     files = [str(path) for path in (*recordings, blueprint)]
     return [sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1", "--new", *files]
+
+
+MOST_OPENED = 12  # recordings at once, when none is named
+
+
+def recordings(folder: Path, runs: list[str]) -> list[Path]:
+    """The recordings of the runs whose ids begin with one of `runs`; the first few of all when none is named.
+
+    Raises InputError when there are none.
+    """
+    found = {path.parent.name: path for path in sorted((folder / store.RUNS).glob(f"[!.]*/{FILE}"))}
+    if not found:
+        raise InputError(f"{folder}: holds no recordings; put rrd into record.formats")
+    for run in runs:
+        if not any(name.startswith(run) for name in found):
+            raise InputError(f"{folder}: no recording of a run {run}{suggestion(run, found)}")
+    if not runs:
+        return list(found.values())[:MOST_OPENED]
+    return [path for name, path in found.items() if name.startswith(tuple(runs))]

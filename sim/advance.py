@@ -158,6 +158,8 @@ def attempt(block, body, forces, facets, tree, bounces, rows):
     if len(facets.outline) == 0:
         return rows
     for i in range(block.count):
+        if s[H + i] == 0.0:
+            continue
         if s[TOUCHES + i] > 0.0:
             f, distance = first_hit(facets, tree, lane(s, X, i), lane(s, V, i), body.radius, s[H + i], found)
             if f != MISS:
@@ -281,7 +283,7 @@ def keep_committed(block, bounces, rows, tried):
 
 
 def fill_frame(block, frame, now, slack, lifetime, record):
-    """Record the frame from the scratch; returns whether it shows a diverged ball."""
+    """Record the frame from the scratch; returns whether a ball has diverged, even if its flight is over by then."""
     s, diverged = block.s, False
     for i in range(block.count):
         ball, age = block.first + i, now - s[RELEASED + i]
@@ -293,5 +295,5 @@ def fill_frame(block, frame, now, slack, lifetime, record):
             record.position[frame, ball, k] = x[k] if alive else np.nan
             record.velocity[frame, ball, k] = v[k] if alive else np.nan
         # said as "not within", so that NaN counts too
-        diverged |= alive and not (dot(v, v) <= FASTEST * FASTEST and dot(x, x) < np.inf)
+        diverged |= not (dot(v, v) <= FASTEST * FASTEST and dot(x, x) < np.inf)
     return diverged

@@ -33,6 +33,8 @@ def evaluate(text: str, **variables: np.ndarray) -> np.ndarray:
             value = _value(tree.body, {**CONSTANTS, **variables})
     except SyntaxError as error:
         raise ValueError(f"not an expression: {error.msg}") from None
+    except OverflowError:
+        raise ValueError("a number too large to compute with") from None
     except (RecursionError, MemoryError):
         raise ValueError("an expression nested too deeply") from None
     shape = np.broadcast_shapes(*(np.shape(v) for v in variables.values()))

@@ -45,6 +45,10 @@ class Uniform(Field):
     direction: Vector
     magnitude: float  # N, any sign
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        unit("direction", self.direction)
+
     def affine(self) -> tuple[np.ndarray, float, float]:
         return self.magnitude * unit("direction", self.direction), 0.0, 0.0
 

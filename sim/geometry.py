@@ -43,6 +43,9 @@ def facets(point, e1, e2, outline: int, two_sided: bool) -> Facets:
         low, high = np.full((n, 3), -np.inf), np.full((n, 3), np.inf)
     else:
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        # larger by what `covers` lets pass beside the outline, or the tree would open the cracks that it closes
+        margin = 8 * EDGE * np.maximum(np.abs(low), np.abs(high)).max(axis=1, keepdims=True)
+        low, high = low - margin, high + margin
     return Facets(
         point, area / np.sqrt(squared), across, np.full(n, outline), np.full(n, two_sided), np.zeros(n, int), low, high
     )

@@ -62,10 +62,11 @@ def check(self) -> None:
 
 def unit(self_field: str, vector: Vector) -> np.ndarray:
     """`vector` scaled to length 1. Raises Invalid naming `self_field` when it has no direction."""
-    length = np.linalg.norm(vector)
-    if length == 0:
+    largest = np.max(np.abs(vector))
+    if largest == 0:
         raise Invalid(self_field, "must not be the zero vector")
-    return np.asarray(vector, float) / length
+    scaled = np.asarray(vector, float) / largest  # so that no square overflows or vanishes
+    return scaled / np.linalg.norm(scaled)
 
 
 class Mesh(NamedTuple):

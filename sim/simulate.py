@@ -110,15 +110,16 @@ class Simulation:
         interval = self.time[1] - self.time[0] if len(self.time) > 1 else self.duration
         stride = max(1, int(BUDGET * self.solver.step / interval))
         while done < kept:
-            part = advance.Record(*(a[: min(done + stride, kept)] for a in record))
+            # the release is a part of its own, so that a flight has it for all balls, whatever ends it
+            part = advance.Record(*(a[: min(done + stride, kept) if done else 1] for a in record))
             for block in blocks:
                 frame = done
                 while frame < min(len(part.time), kept):
                     frame, rows, diverged = self._advance(block, frame, part, buffer)
                     batches.append(buffer[:rows].copy())
                     if diverged:
-                        status, kept = "diverged", frame - 1
-                    if stop():
+                        status, kept = "diverged", max(frame - 1, 1)
+                    if done and stop():
                         return self._flight("timeout", done, record, blocks, batches)
             done = len(part.time)
         return self._flight(status, kept, record, blocks, batches)
@@ -133,7 +134,6 @@ class Simulation:
         )
 
     def _flight(self, status, kept, record, blocks, batches) -> Flight:
-        kept = max(kept, 1)
         time, position, velocity, work, lost = (a[:kept] for a in record)
         balls, mass = self.balls, self.balls.mass
 
@@ -153,7 +153,8 @@ class Simulation:
         return Flight(
             status=status,
             trajectory=Trajectory(time, np.rint(time / self.solver.step).astype(np.int64), position, velocity),
-            bounces=bounces(np.concatenate(batches), time[-1]),
+            # of a finished flight all: the time of one at the very end may round to after it
+            bounces=bounces(np.concatenate(batches), np.inf if status == "finished" else time[-1]),
             energy=energy,
             energy_initial=initial,
             energy_final=initial + float(energy.residual[-1] + energy.work[-1] - energy.lost[-1]),

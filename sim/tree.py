@@ -62,6 +62,8 @@ def build(low: np.ndarray, high: np.ndarray) -> Tree:
 
 def passes(tree, node, x, direction, reach):
     """Whether x + s * direction, 0 <= s <= reach, passes through the box of `node`: the slab test, closed."""
+    if tree.low[node, 0] > tree.high[node, 0]:  # holds no box; the division would not tell
+        return False
     near, far = 0.0, reach
     for axis in range(3):
         low, high = tree.low[node, axis], tree.high[node, axis]

@@ -15,9 +15,10 @@ import pkgutil
 import re
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from runner.chart._names import meant
+from runner.chart._table import Column
 
 if TYPE_CHECKING:
     import pyarrow
@@ -32,23 +33,38 @@ def kinds() -> list[str]:
 def kind_module(kind: str) -> ModuleType:
     """The module of a kind; its `Chart` holds the options. Raises ValueError for an unknown kind."""
     if kind not in kinds():
-        raise ValueError(f"kind: no kind of chart {kind!r}{meant(kind, kinds())}")
+        raise ValueError(f"kind: {kind!r} is none of {', '.join(kinds())}{meant(str(kind), kinds())}")
     return importlib.import_module(f"{__name__}.{kind}")
 
 
 def parse(options: dict[str, Any]) -> Any:
-    """The `Chart` of `{kind: ..., option: ...}`. Raises ValueError for an unknown kind and unknown or missing options."""
+    """The `Chart` of `{kind: ..., option: ...}`.
+
+    Raises ValueError, beginning with the option's name, for an unknown kind and an option unknown, missing or mistyped.
+    """
     options = dict(options)
-    kind = options.pop("kind", "")
+    if "kind" not in options:
+        raise ValueError(f"kind: missing, one of {', '.join(kinds())}")
+    kind = options.pop("kind")
     chart = kind_module(kind).Chart
     fields = {field.name: field for field in dataclasses.fields(chart)}
-    for name in options:
+    types = get_type_hints(chart)
+    for name, value in options.items():
         if name not in fields:
-            raise ValueError(f"{name}: a chart of kind {kind} has no such option{meant(name, list(fields))}")
+            raise ValueError(f"{name}: a chart of kind {kind} has no such option{meant(str(name), list(fields))}")
+        if not isinstance(value, types[name]):
+            raise ValueError(f"{name}: {value!r} is of the wrong type")
     for name, field in fields.items():
         if name not in options and field.default is field.default_factory is dataclasses.MISSING:
             raise ValueError(f"{name}: missing, a chart of kind {kind} needs it")
     return chart(**options)
+
+
+def columns(chart: Any) -> dict[str, str]:
+    """The columns of the summary that a `Chart` reads, by the option that names them."""
+    types = get_type_hints(type(chart), include_extras=True)
+    named = {name: getattr(chart, name) for name, type_ in types.items() if Column in (type_, *get_args(type_))}
+    return {name: column for name, column in named.items() if column is not None}
 
 
 def draw(chart: Any, table: pyarrow.Table, folder: Path) -> Figure:
@@ -58,7 +74,7 @@ def draw(chart: Any, table: pyarrow.Table, folder: Path) -> Figure:
     """
     from matplotlib import style
 
-    from runner.chart._page import STYLE
+    from runner.chart._style import STYLE
 
     if not table.num_rows:
         raise ValueError("the summary has no runs to draw")
@@ -74,7 +90,8 @@ def render(charts: list[dict[str, Any]], table: pyarrow.Table, folder: Path, foo
     """
     from matplotlib import style
 
-    from runner.chart._page import STYLE, sign
+    from runner.chart._page import sign
+    from runner.chart._style import STYLE
 
     written: list[Path] = []
     taken: set[str] = set()

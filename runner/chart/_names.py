@@ -28,11 +28,14 @@ SUMMARY = {
     "position_error_rms": ("RMS position error", "m"),
     "position_error_max": ("largest position error", "m"),
     "sim_seconds": ("simulation time", "s"),
-    "ball_steps_per_second": ("speed", "ball-steps/s"),
+    "ball_steps_per_second": ("simulation speed", "ball-steps/s"),
     "ns_per_ball_second": ("time per ball-second", "ns"),
     "wall_seconds": ("wall time", "s"),
     "started": ("start", ""),
 }
+
+#: Numerical errors with a sign: where they lie decades apart it is their size that compares methods.
+SIGNED_ERRORS = ("energy_residual", "energy_residual_rel")
 
 #: Parameters, by the last part of their dotted path.
 UNITS = {
@@ -82,9 +85,10 @@ def unit(column: str) -> str:
     return SUMMARY[column][1] if column in SUMMARY else UNITS.get(column.rpartition(".")[2], "")
 
 
-def label(column: str) -> str:
-    """A column in words with its unit, as on an axis: ball mass (kg)."""
-    return f"{words(column)} ({unit(column)})" if unit(column) else words(column)
+def label(column: str, size: bool = False) -> str:
+    """A column in words with its unit, as on an axis: ball mass (kg); its size, without the sign: |work| (J)."""
+    text = f"|{words(column)}|" if size else words(column)
+    return f"{text} ({unit(column)})" if unit(column) else text
 
 
 def heading(column: str, value: Any) -> str:
@@ -108,9 +112,12 @@ def value_text(value: Any) -> str:
     return number_text(value) if isinstance(value, (int, float)) else str(value)
 
 
-def number_text(value: float) -> str:
-    """0.001, 20, 10⁻⁶, 2.5×10⁷: exponents as characters, so that a chart needs no mathematical typesetting."""
-    if value == 0 or 1e-3 <= abs(value) < 1e5:
+def number_text(value: float, powers: bool = False) -> str:
+    """0.001, 20, 10⁻⁶, 2.5×10⁷: exponents as characters, so that a chart needs no mathematical typesetting.
+
+    `powers`: those of ten even where a plain number is short, to go with others on an axis.
+    """
+    if value == 0 or (1 <= abs(value) < 100 if powers else 1e-3 <= abs(value) < 1e5):
         return f"{value:.12g}".replace("-", "−")
     mantissa, exponent = f"{value:.11e}".split("e")
     mantissa = mantissa.rstrip("0").rstrip(".").replace("-", "−")

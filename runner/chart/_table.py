@@ -20,7 +20,7 @@ MOST = 28  # lines or panels a reader can still tell apart: 7 colours x 4 dashes
 
 
 def column(table: pyarrow.Table, option: str, name: str) -> list[Any]:
-    """The values of a column, None where empty; lists as text. `option` is told in the error when there is no such one."""
+    """The values of a column, None where empty, lists as text. Raises ValueError, naming `option`, if unknown."""
     if name not in table.column_names:
         raise ValueError(f"{option}: the summary has no column {name!r}{meant(name, table.column_names)}")
     values = table.column(name).to_pylist()
@@ -39,7 +39,7 @@ def split(table: pyarrow.Table, option: str, name: str | None) -> list[Any]:
     """What tells the rows apart: the values of a column, or None throughout when no column is named."""
     values = [None] * table.num_rows if name is None else column(table, option, name)
     if (count := len(set(values))) > MOST:
-        raise ValueError(f"{option}: column {name!r} has {count} different values, too many to tell apart (at most {MOST})")
+        raise ValueError(f"{option}: column {name!r} has {count} different values, a chart can tell {MOST} apart")
     return values
 
 
@@ -55,7 +55,7 @@ def distinct(values: Iterable[Any]) -> list[Any]:
 
 
 def whole_runs(table: pyarrow.Table, **shown: str) -> tuple[list[int], list[str]]:
-    """The rows of runs that went on to their end, with finite values in all columns `shown`, and notes on the others."""
+    """The rows of runs that went on to their end and are finite in the columns `shown`, and notes on the others."""
     status = column(table, "status", "status")
     columns = {name: column(table, option, name) for option, name in shown.items()}
     rows, missing = [], Counter()
@@ -67,15 +67,16 @@ def whole_runs(table: pyarrow.Table, **shown: str) -> tuple[list[int], list[str]
             missing[f"{{}} {{}} without {absent[0]} not shown"] += 1
         else:
             rows.append(row)
-    return rows, [note.format(count, plural(count)) for note, count in missing.items()]
+    return rows, told(missing)
 
 
 def _present(value: Any) -> bool:
     return value is not None and (not isinstance(value, float) or math.isfinite(value))
 
 
-def plural(count: int) -> str:
-    return "run" if count == 1 else "runs"
+def told(counted: Counter[str]) -> list[str]:
+    """Notes, of a count for each text with places for the number and the word for runs."""
+    return [text.format(count, "run" if count == 1 else "runs") for text, count in counted.items()]
 
 
 def varying(table: pyarrow.Table, groups: Iterable[list[int]]) -> list[str]:
@@ -86,13 +87,17 @@ def varying(table: pyarrow.Table, groups: Iterable[list[int]]) -> list[str]:
 
 
 def spread_note(table: pyarrow.Table, groups: Iterable[list[int]]) -> str:
-    """What stands behind a median: "median and range of 9 runs each (damping and corridor magnitude vary)", if anything."""
+    """What stands behind medians: "median and range of 9 runs each (damping and ball mass vary)"; empty if nothing."""
     groups = [rows for rows in groups if rows]
     if all(len(rows) == 1 for rows in groups):
         return ""
     sizes = sorted({len(rows) for rows in groups})
     count = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
-    keys = varying(table, groups)
-    listed = " and ".join([", ".join(keys[:-1]), keys[-1]]).removeprefix(" and ") if keys else ""
-    verb = "vary" if len(keys) > 1 else "varies"
-    return f"median and range of {count} runs each" + (f" ({listed} {verb})" if keys else "")
+    note = f"median and range of {count} runs each"
+    match varying(table, groups):
+        case []:
+            return note
+        case [key]:
+            return f"{note} ({key} varies)"
+        case [*keys, last]:
+            return f"{note} ({', '.join(keys)} and {last} vary)"

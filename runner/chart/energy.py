@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.chart._table import WHOLE, Column, column, distinct, plural, split, spread_note
+from runner.chart._names import label
+from runner.chart._table import WHOLE, Column, column, distinct, split, spread_note, told
 
 if TYPE_CHECKING:
     import pyarrow
@@ -38,60 +39,69 @@ def draw(chart: Chart, table: pyarrow.Table, folder: Path) -> Figure:
 
     A run that diverged is drawn as far as it went, and may leave the chart.
     """
-    from runner.chart import _page as page
+    from runner.chart import _axes, _page, _style
 
     series, panel = split(table, "series", chart.series), split(table, "panel", chart.panel)
-    status, run_ids = column(table, "status", "status"), column(table, "run_id", "run_id")
-    curves, notes = {}, Counter()  # row -> (time, residual)
-    for row, run_id in enumerate(run_ids):
-        if status[row] in FAILED:
-            notes[f"{{}} {status[row]} {{}} not shown"] += 1
-        elif (curve := _residual(folder / "runs" / run_id)) is None:
-            notes["{} {} without a trajectory not shown"] += 1
-        else:
-            curves[row] = curve
-            if status[row] not in WHOLE:
-                notes[f"{{}} {status[row]} {{}} drawn as far as they went"] += 1
-    notes = [note.format(count, plural(count)) for note, count in notes.items()]
-
+    status = column(table, "status", "status")
+    curves, notes = _curves(table, folder)
     groups = defaultdict(list)  # (panel, series) -> rows
     for row in curves:
         groups[panel[row], series[row]].append(row)
+    diverged = any(status[row] == "diverged" for row in curves)
     many = max(Counter(panel[row] for row in curves).values(), default=0) > MOST_LINES
-    if many:
-        notes.insert(0, spread_note(table, groups.values()))
+    if many and (note := spread_note(table, groups.values())):
+        notes.insert(0, note)
+        if diverged:
+            notes.append("a diverged run counts as infinite after its end")
 
     steady = [row for row in curves if status[row] != "diverged"] or list(curves)
     peaks = [peak for row in steady if (peak := np.abs(curves[row][1]).max()) > 0] or [1.0]
-    log = page.scale(peaks) == "log"
+    log = _axes.scale(peaks) == "log"
     if log:
         curves = {row: (time, np.abs(residual)) for row, (time, residual) in curves.items()}
 
-    styles = {value: {**style, "marker": ""} for value, style in page.looks(distinct(series)).items()}
-    figure, grid = page.panels(distinct(panel), chart.panel)
+    styles = {value: {**style, "marker": ""} for value, style in _style.looks(distinct(series)).items()}
+    figure, grid = _page.panels(distinct(panel), chart.panel, "time (s)", label("energy_residual", size=log))
     for value, style in styles.items():
         for panel_value, axes in grid.items():
             rows = groups[panel_value, value]
             if rows and many:
                 time, residuals = _together([(*curves[row], status[row] == "diverged") for row in rows])
-                residuals = np.clip(residuals, -1e3 * max(peaks), 1e3 * max(peaks))  # outside, yet within what Agg can draw
-                page.band(axes, time, np.nanmin(residuals, axis=0), np.nanmax(residuals, axis=0), style)
+                far = 1e3 * max(peaks)  # outside the chart, yet within what can be drawn
+                residuals = np.clip(residuals, -far, far)
+                _axes.band(axes, time, np.nanmin(residuals, axis=0), np.nanmax(residuals, axis=0), style["color"])
                 axes.plot(time, np.nanmedian(residuals, axis=0), **style)
             else:
                 for row in rows:
                     axes.plot(*curves[row], **style, linewidth=1)
 
     first = next(iter(grid.values()))
-    page.set_scale(first, "x", [], "linear")
-    page.set_scale(first, "y", [min(peaks) * BELOW], "symlog" if log else "linear")
-    first.set_xlim(0)
+    first.set_xlim(0, max((time[-1] for time, _ in curves.values()), default=1))
+    _axes.set_scale(first, "x", [], "linear")
     if log:
+        _axes.set_scale(first, "y", [min(peaks) * BELOW, max(peaks)], "symlog")
         first.set_ylim(0, 5 * max(peaks))
-    elif "diverged" in status:
-        first.set_ylim(-1.5 * max(peaks), 1.5 * max(peaks))
-    what = "|energy residual| (J)" if log else "energy residual (J)"
-    page.finish(figure, chart.title or "Energy residual against time", notes, ("time (s)", what), chart.series, styles)
+    else:
+        _axes.set_scale(first, "y", [], "linear")
+        if diverged:
+            first.set_ylim(-1.5 * max(peaks), 1.5 * max(peaks))
+    _page.finish(figure, chart.title or "Energy residual against time", notes, chart.series, styles)
     return figure
+
+
+def _curves(table: pyarrow.Table, folder: Path) -> tuple[dict[int, tuple[np.ndarray, np.ndarray]], list[str]]:
+    """Time and residual for each row of the table that has them, and notes on the others."""
+    curves, notes = {}, Counter()
+    for row, (run_id, status) in enumerate(zip(column(table, "run_id", "run_id"), column(table, "status", "status"))):
+        if status in FAILED:
+            notes[f"{{}} {status} {{}} not shown"] += 1
+        elif (curve := _residual(folder / "runs" / run_id)) is None:
+            notes["{} {} without a trajectory not shown"] += 1
+        else:
+            curves[row] = curve
+            if status not in WHOLE:
+                notes[f"{{}} {status} {{}} stopped early"] += 1
+    return curves, told(notes)
 
 
 def _residual(run: Path) -> tuple[np.ndarray, np.ndarray] | None:

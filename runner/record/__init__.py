@@ -1,7 +1,7 @@
-"""Output formats: each module of this package is one, found by its name.
+"""Output formats: one module each, found by its name.
 
-A format has `FILE`, the name of its file inside a run's folder, and `write(result, path)`. Its library is imported when
-it writes, so that naming the files costs nothing.
+A format has `FILE`, the name of its file inside a run's folder, and `write(result, path)`. It imports its library when
+it writes, so that naming formats and files costs nothing.
 """
 
 from __future__ import annotations
@@ -11,13 +11,11 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 
-def formats() -> list[str]:
-    """The names that `record.formats` may hold."""
+def names() -> list[str]:
+    """Every format, in alphabetical order."""
     return sorted(module.name for module in iter_modules(__path__))
 
 
-def format(name: str) -> ModuleType:
-    """The module that writes the format `name`; KeyError where there is none."""
-    if name not in formats():
-        raise KeyError(name)
+def load(name: str) -> ModuleType:
+    """The module of the format `name`; ModuleNotFoundError where there is none."""
     return import_module(f"{__name__}.{name}")

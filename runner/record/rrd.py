@@ -34,9 +34,9 @@ SERIES = {"kinetic": 0xFF6B5EFF, "potential": 0x5B9DFFFF, "total": 0xF0F0F0FF, "
 def write(result: Result, path: Path) -> None:
     """Write `result` to the new file `path`; the recording id is the run id.
 
-    Every ball stands in every frame. Trails are drawn for at most 30 balls, spread evenly over all of them, with
-    20,000 vertices in total, inside the scene and its surroundings; of more than 20,000 bounces every second, third ...
-    is marked. Raises OSError where the file cannot be written.
+    Every ball stands in every frame. Trails are drawn for at most 30 balls, spread evenly over all of them, through
+    20,000 of their frames, inside the scene and its surroundings; of more than 20,000 bounces every second, third ...
+    counts. Raises OSError where the file cannot be written.
     """
     from rerun.chunk import ChunkStore
 
@@ -147,15 +147,17 @@ def _table(title: str, values: dict[str, Any]) -> str:
     """Markdown of two columns; long values are cut."""
     rows = [f"| {title} | |", "|---|---|"]
     for name, value in values.items():
-        text = f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
+        if isinstance(value, float):
+            value = f"{value:.6g}"
+        text = value if isinstance(value, str) else json.dumps(value, default=str)
         text = text if len(text) <= 80 else text[:77] + "..."
         rows.append(f"| {_plain(name)} | {_plain(text)} |")
     return "\n".join(rows)
 
 
 def _plain(text: str) -> str:
-    """Markdown that shows `text` as it is: a height of 2*x*z has no italics."""
-    return re.sub(r"([\\`*_|<\[])", r"\\\1", text)
+    """Markdown that shows `text` on one line and as it is: a height of 2*x*z has no italics."""
+    return re.sub(r"([\\`*_|<\[])", r"\\\1", " ".join(text.split()))
 
 
 def _leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

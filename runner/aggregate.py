@@ -1,0 +1,81 @@
+"""From the runs' reports to one table: summary.parquet and summary.csv, a row per run in the folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runner import store
+from runner.columns import COLUMNS, TEXTS, WHOLE
+from runner.settings import leaves
+
+if TYPE_CHECKING:
+    import pyarrow
+
+def summarise(folder: Path, keys: list[str]) -> pyarrow.Table:
+    """Build the table of all runs in the folder and write it as parquet and CSV.
+
+    `keys` are the settings that the matrix varies; any other in which runs of the folder differ gets a column too, so that
+    no two rows look alike that are not.
+    """
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    table = build(store.read_runs(folder), keys)
+    store.write_with(folder / f"{store.SUMMARY}.parquet", lambda path: pyarrow.parquet.write_table(table, path))
+    store.write_with(folder / f"{store.SUMMARY}.csv", lambda path: pyarrow.csv.write_csv(table, path))
+    return table
+
+
+def read(folder: Path) -> pyarrow.Table:
+    """The summary as last written. Raises FileNotFoundError when there is none."""
+    import pyarrow.parquet
+
+    return pyarrow.parquet.read_table(folder / f"{store.SUMMARY}.parquet")
+
+
+def build(reports: list[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
+    """The table of run reports, in the order of the varied settings."""
+    import pyarrow
+
+    settings = [dict(leaves(report["parameters"], keys)) for report in reports]
+    varied = keys + [key for key in differing(settings) if key not in keys]
+    names = COLUMNS[:3] + varied + COLUMNS[3:]
+    columns: dict[str, list] = {name: [] for name in names}
+    for report, values in sorted(zip(reports, settings), key=lambda pair: [_rank(pair[1].get(key)) for key in varied]):
+        row = {**report["figures"], **report.get("timings", {}), **{k: report[k] for k in ("run_id", "status", "error")}}
+        for name in names:
+            columns[name].append(values.get(name) if name in varied else row.get(name))
+    return pyarrow.table({name: _typed(name, columns[name], name in varied) for name in names})
+
+
+def differing(settings: list[dict[str, Any]]) -> list[str]:
+    """The settings in which the runs differ, in the order of the first run's; the recorder's aside."""
+    names = dict.fromkeys(name for each in settings for name in each)
+    return [
+        name
+        for name in names
+        if not name.startswith("record.") and any(each.get(name) != settings[0].get(name) for each in settings)
+    ]
+
+
+def _typed(name: str, values: list, setting: bool):
+    import pyarrow
+
+    if name in TEXTS:
+        return pyarrow.array(values, pyarrow.string())
+    if name in WHOLE:
+        return pyarrow.array(values, pyarrow.int64())
+    if not setting or all(v is None or isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
+        return pyarrow.array(values, pyarrow.float64())
+    if all(v is None or isinstance(v, bool) for v in values):
+        return pyarrow.array(values, pyarrow.bool_())
+    return pyarrow.array([v if v is None or isinstance(v, str) else json.dumps(v) for v in values], pyarrow.string())
+
+
+def _rank(value: Any) -> tuple:
+    """A key to sort mixed values by: numbers, then everything else as text, then nothing."""
+    if isinstance(value, (int, float)):
+        return (0, value, "")
+    return (2, 0, "") if value is None else (1, 0, json.dumps(value))

@@ -1,0 +1,239 @@
+"""The command line. Each command imports what it needs when it runs, so that `carom --help` answers at once."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from runner.errors import InputError, RunError
+
+app = typer.Typer(
+    help="Sweeps of bouncing balls: a YAML grid becomes trajectories, recordings, a summary and charts.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="An experiment file (YAML).")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The output folder of a sweep, outputs/<name>.")]
+Overrides = Annotated[
+    Optional[list[str]],
+    typer.Option("--set", "-s", metavar="KEY=V[,V2]", help="Replace a setting; several values make the matrix vary it."),
+]
+
+
+def main() -> None:
+    """The `carom` command: expected failures are a line each and an exit code, never a traceback."""
+    try:
+        app()
+    except (InputError, RunError) as error:
+        if "--debug" in sys.argv:
+            raise
+        print(error, file=sys.stderr)
+        sys.exit(2 if isinstance(error, InputError) else 1)
+
+
+@app.callback()
+def options(debug: Annotated[bool, typer.Option(help="Show the traceback of an expected failure, too.")] = False) -> None:
+    """Read by `main`."""
+
+
+@app.command()
+def sweep(
+    file: File,
+    set_: Overrides = None,
+    out: Annotated[Path, typer.Option(help="Folder for the output; the sweep's own is <out>/<name>.")] = Path("outputs"),
+    jobs: Annotated[Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes. Default: the cores.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be run, and run nothing.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Make all runs again, done or not.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Make failed runs again.")] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first run that fails.")] = False,
+    timeout: Annotated[Optional[float], typer.Option(min=0, help="Seconds that a run may take.")] = None,
+    check: Annotated[bool, typer.Option("--check", help="Hold the runs against `expect`; exit 1 if one is broken.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Start more than 100,000 runs without asking.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> None:
+    """Run what is not done yet of an experiment, then summarise and draw its charts."""
+    from runner import sweeping, terminal
+    from runner.plan import plan
+
+    work = plan(_load(file, set_), out, fresh, retry_failed, yes)
+    counts = f"{len(work.runs)} runs, {len(work.runs) - len(work.todo)} done, {len(work.todo)} to do"
+    if dry_run:
+        print(f"{work.folder}: {counts}")
+        for run in work.todo:
+            print(run.run_id)
+        return
+    if not quiet:
+        print(f"{work.folder}: {counts}", file=sys.stderr)
+    stopped = None
+    try:
+        _end_as_interrupt()
+        with terminal.progress(quiet) as progress:
+            sweeping.carry_out(work, jobs, timeout, fresh or retry_failed, fail_fast, progress)
+    except KeyboardInterrupt:
+        print(f"interrupted: {_finished(work)} runs are kept; the same command goes on with the rest", file=sys.stderr)
+        raise typer.Exit(130) from None
+    except sweeping.Stopped as error:
+        stopped = str(error)
+    sweeping.finish(work)
+    if not _judge(work, check, quiet) or stopped:
+        raise typer.Exit(1)
+
+
+@app.command()
+def status(folder: Folder) -> None:
+    """How many runs are done, failed and to do."""
+    from runner import store
+    from runner.plan import existing, failed
+
+    experiment = existing(folder)
+    runs, finished = experiment.runs(), store.done(folder)
+    reports = [store.read_run(folder, run.run_id) for run in runs if run.run_id in finished]
+    bad = [report for report in reports if failed(report)]
+    others = len(finished) - len(reports)
+    print(f"done {len(reports) - len(bad)}, failed {len(bad)}, todo {len(runs) - len(reports)}")
+    if others:
+        print(f"{others} more runs are there, of other settings")
+    for report in bad:
+        print(f"{report['run_id']}: {report['status']}: {report['error']}")
+
+
+@app.command()
+def summary(
+    folder: Folder,
+    by: Annotated[Optional[str], typer.Option(metavar="KEY,KEY", help="Group the runs by these columns.")] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Print comma-separated values.")] = False,
+) -> None:
+    """Print the table of runs, grouped: bounce counts, energy, speed; and the experiment's expectations."""
+    from runner import tables
+
+    tables.show(folder, by.split(",") if by else None, csv)
+
+
+@app.command("chart")
+def chart_(folder: Folder) -> None:
+    """Draw the charts again from the table."""
+    from runner import aggregate, chart, machine
+    from runner.plan import existing
+
+    experiment = existing(folder)
+    if not experiment.charts:
+        raise InputError(f"{folder}: the experiment has no charts: section")
+    try:
+        table = aggregate.read(folder)
+        for path in chart.render(list(experiment.charts), table, folder, machine.footer()):
+            print(path)
+    except FileNotFoundError:
+        raise InputError(f"{folder}: no summary yet; `carom sweep` makes it") from None
+    except ValueError as error:
+        raise InputError(f"{folder}: {error}") from None
+
+
+@app.command()
+def view(
+    folder: Folder,
+    runs: Annotated[Optional[list[str]], typer.Argument(metavar="[RUN]...", help="Run ids, or their beginnings.")] = None,
+) -> None:
+    """Open recordings in the rerun viewer: the scene beside the energy curves."""
+    import subprocess
+    import tempfile
+
+    from runner import viewer
+
+    recordings = viewer.recordings(folder, runs or [])
+    with tempfile.TemporaryDirectory() as scratch:
+        blueprint = Path(scratch) / "carom.rbl"
+        viewer.write_blueprint(blueprint)
+        raise typer.Exit(subprocess.run(viewer.viewer_command(recordings, blueprint)).returncode)
+
+
+@app.command()
+def explain(file: File, set_: Overrides = None) -> None:
+    """What will be modelled, and what was dropped and why."""
+    from runner import explanation
+
+    for line in explanation.explain(_load(file, set_)):
+        print(line)
+
+
+@app.command()
+def methods() -> None:
+    """Every method: order, stability limits, evaluations per step, reference."""
+    from runner import tables
+
+    tables.show_methods()
+
+
+@app.command()
+def check(file: File, set_: Overrides = None) -> None:
+    """Check an experiment file: its settings, its matrix, its charts and expectations."""
+    from runner.plan import plan
+
+    experiment = _load(file, set_)
+    print(f"{file}: ok, {len(plan(experiment, Path('outputs'), yes=True).runs)} runs")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of experiment files, for editors."""
+    import json
+
+    from runner.schema import File
+
+    print(json.dumps(File.model_json_schema(), indent=2))
+
+
+def _load(file: Path, overrides: list[str] | None):
+    """The experiment in the file, with the settings of `-s`."""
+    from runner import config, document
+
+    loaded = document.Document(file)
+    for text in overrides or []:
+        key, equals, value = text.partition("=")
+        if not equals or not key:
+            raise InputError(f"-s {text}: write it as key=value")
+        config.vary(loaded, key, document.read_values(value, f"-s {text}"))
+    return config.check(loaded)
+
+
+def _end_as_interrupt() -> None:
+    """Let SIGTERM end the sweep as Ctrl-C does."""
+    import signal
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+
+
+def _finished(work) -> int:
+    from runner import store
+
+    return len(store.done(work.folder) & {run.run_id for run in work.runs})
+
+
+def _judge(work, check: bool, quiet: bool) -> bool:
+    """Say what came of the runs and of the expectations; whether all is well."""
+    from collections import Counter
+
+    from runner import expect, store, terminal
+    from runner.plan import failed
+
+    reports = [store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in store.done(work.folder)]
+    verdicts = expect.verdicts(work.experiment.expect, reports)
+    broken = [verdict for verdict in verdicts if not verdict.holds]
+    bad = [report for report in reports if failed(report)]
+    for report in bad:
+        print(f"{report['run_id']}: {report['status']}: {report['error']}", file=sys.stderr)
+    for verdict in verdicts if check else []:
+        if not quiet or not verdict.holds:
+            print(verdict, file=sys.stderr)
+    if not quiet:
+        told = f"{len(verdicts) - len(broken)} of {len(verdicts)} expectations hold" if verdicts else ""
+        tally = terminal.tally(Counter(report["status"] for report in reports))
+        print(", ".join(filter(None, [tally, told])) + f"; see `carom summary {work.folder}`", file=sys.stderr)
+    return not bad and not (check and broken)

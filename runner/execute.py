@@ -1,0 +1,91 @@
+"""One run, from its setup to its result; nothing is written."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from runner.columns import FIGURES
+from runner.config import Experiment, Run
+from runner.result import Result
+from sim.simulate import Flight, Simulation
+
+
+def prepare(run: Run) -> Simulation:
+    """The run's simulation, its kernel compiled or loaded. Raises sim.model.Invalid when it cannot be built."""
+    setup = run.setup
+    scene, solver = setup.scene.build(run.folder), setup.solver.build(run.folder)
+    simulation = Simulation(scene, setup.balls.build(setup.duration, run.folder), solver, setup.duration, setup.record.every)
+    simulation.warm()
+    return simulation
+
+
+def run(what: Run | Experiment, stop: Callable[[], bool] = lambda: False) -> Result:
+    """Simulate one run; of an experiment that of the file's own values. `stop` is asked now and then whether to give up."""
+    one = what.base if isinstance(what, Experiment) else what
+    simulation = prepare(one)
+    seconds = np.inf
+    for _ in range(one.setup.repeats):
+        start = time.perf_counter()
+        flight = simulation.run(stop)
+        seconds = min(seconds, time.perf_counter() - start)
+        if flight.status == "timeout":
+            break
+    return Result(
+        run_id=one.run_id,
+        parameters=one.parameters,
+        status=flight.status,
+        balls=simulation.balls,
+        trajectory=flight.trajectory,
+        bounces=flight.bounces,
+        energy=flight.energy,
+        surfaces={name: shape.mesh() for name, shape in simulation.scene.surfaces.items()},
+        summary=figures(simulation, flight, seconds),
+    )
+
+
+def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str, Any]:
+    """The run's figures by column of the summary; None where there is nothing to tell."""
+    energy, position = flight.energy, flight.trajectory.position
+    with np.errstate(all="ignore"):
+        residual = energy.residual[-1]
+        scale = max(abs(flight.energy_initial), np.max(energy.kinetic))
+        extent = {
+            f"{axis}_{name}": reduce(position[..., k], initial=start, where=np.isfinite(position[..., k]))
+            for k, axis in enumerate("xyz")
+            for name, reduce, start in (("min", np.min, np.inf), ("max", np.max, -np.inf))
+        }
+        speed = np.sqrt(np.nanmax(np.sum(flight.trajectory.velocity**2, axis=-1)))
+    counts = np.unique(flight.bounces["ball"], return_counts=True)[1]
+    values = {
+        "method": simulation.solver.method,
+        "contact": simulation.solver.contact,
+        "step": simulation.solver.step,
+        "balls": len(simulation.balls),
+        "steps": flight.steps,
+        "bounces": len(flight.bounces),
+        "bounces_per_ball_max": counts.max(initial=0),
+        "rest_count": 0,
+        "penetrations": flight.penetrations,
+        "energy_initial": flight.energy_initial,
+        "energy_final": flight.energy_final,
+        "energy_lost": energy.lost[-1],
+        "work": energy.work[-1],
+        "energy_residual": residual,
+        "energy_residual_rel": abs(residual) / scale if scale > 0 else abs(residual),
+        **extent,
+        "speed_max": speed,
+        "sim_seconds": seconds,
+        "ball_steps_per_second": flight.steps / seconds,
+        "ns_per_ball_second": seconds * 1e9 / flight.ball_seconds if flight.ball_seconds > 0 else None,
+    }
+    return {name: _plain(values.get(name)) for name in FIGURES}
+
+
+def _plain(value: Any) -> Any:
+    """A number as JSON can hold it; None for one that is not finite."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,88 @@
+"""Expectations: what an experiment file says must come out, held against what did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+from runner.columns import COLUMNS
+from runner.document import Document, dotted, suggestion
+from runner.errors import Fault, InputError
+from runner.schema import Expectation
+from runner.settings import canonical, leaves
+
+
+class Verdict(NamedTuple):
+    """One expectation against all runs that its `where` names."""
+
+    expectation: Expectation
+    runs: int
+    broken: tuple[tuple[str, Any], ...]  # run_id and value of the runs that break it
+
+    @property
+    def holds(self) -> bool:
+        return self.runs > 0 and not self.broken
+
+    def __str__(self) -> str:
+        told = f"{'ok' if self.holds else 'BROKEN'}: {describe(self.expectation)}"
+        if not self.runs:
+            return f"{told}: no run matches"
+        if not self.broken:
+            return f"{told} ({self.runs} runs)"
+        run_id, value = self.broken[0]
+        return f"{told}: {len(self.broken)} of {self.runs} runs break it, {run_id} has {value}"
+
+
+def describe(expectation: Expectation) -> str:
+    parts = [expectation.column]
+    for symbol, bound in ((">=", expectation.min), ("<=", expectation.max), ("=", expectation.equals)):
+        if bound is not None:
+            parts.append(f"{symbol} {bound:g}" if isinstance(bound, float) else f"{symbol} {bound}")
+    if expectation.where:
+        parts.append("where " + ", ".join(f"{key} = {value}" for key, value in expectation.where.items()))
+    return " ".join(parts)
+
+
+def verdicts(expectations: Sequence[Expectation], reports: Iterable[dict[str, Any]]) -> list[Verdict]:
+    """What became of each expectation in the runs of `reports`."""
+    rows = [row(report) for report in reports]
+    out = []
+    for each in expectations:
+        matching = [r for r in rows if all(r.get(canonical(key)) == value for key, value in each.where.items())]
+        broken = tuple((r["run_id"], r.get(each.column)) for r in matching if not satisfies(r.get(each.column), each))
+        out.append(Verdict(each, len(matching), broken))
+    return out
+
+
+def row(report: dict[str, Any]) -> dict[str, Any]:
+    """All that an expectation can speak of: the run's settings, figures and status."""
+    figures = {"run_id": report["run_id"], "status": report["status"], "error": report["error"], **report["figures"]}
+    return dict(leaves(report["parameters"])) | figures
+
+
+def satisfies(value: Any, expectation: Expectation) -> bool:
+    """A bound holds for numbers only: nothing and NaN break it."""
+    if expectation.equals is not None and value != expectation.equals:
+        return False
+    if expectation.min is None and expectation.max is None:
+        return True
+    if not isinstance(value, (int, float)) or math.isnan(value):
+        return False
+    low = -math.inf if expectation.min is None else expectation.min
+    high = math.inf if expectation.max is None else expectation.max
+    return low <= value <= high
+
+
+def check_columns(expectations: Sequence[Expectation], parameters: dict[str, Any], document: Document) -> None:
+    """Raises InputError for columns that no run has."""
+    known = set(COLUMNS) | {name for name, _ in leaves(parameters)}
+    faults = []
+    for index, each in enumerate(expectations):
+        for path, name in [(("column",), each.column), *((("where", key), canonical(key)) for key in each.where)]:
+            if name not in known:
+                place = ("expect", index, *path)
+                reason = f"no run has '{name}'{suggestion(name, known)}"
+                faults.append(Fault(document.place(place), dotted(place), reason))
+    if faults:
+        raise InputError(*faults)

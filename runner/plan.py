@@ -1,0 +1,50 @@
+"""What a sweep has to do: the runs of an experiment that its output folder does not hold yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from runner import store
+from runner.config import Experiment, Run
+from runner.document import Document
+from runner.errors import InputError
+
+MOST_RUNS = 100_000  # without being asked
+
+
+@dataclass(frozen=True)
+class Plan:
+    experiment: Experiment
+    folder: Path  # outputs/<name>
+    runs: tuple[Run, ...]
+    todo: tuple[Run, ...]
+
+
+def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
+    """The plan of a sweep into `out`/<name>. Raises InputError for a matrix that is wrong, or larger than 100,000 without `yes`."""
+    size = experiment.matrix.size
+    if size > MOST_RUNS and not yes:
+        raise InputError(f"{experiment.document.path}: the matrix makes {size:,} runs; --yes starts more than {MOST_RUNS:,}")
+    runs = tuple(experiment.runs())
+    folder = out / experiment.name
+    finished = set() if fresh else store.done(folder)
+    if retry_failed:
+        finished -= {run.run_id for run in runs if run.run_id in finished and failed(store.read_run(folder, run.run_id))}
+    return Plan(experiment, folder, runs, tuple(run for run in runs if run.run_id not in finished))
+
+
+def failed(report: dict) -> bool:
+    """Whether the run came to no result of its own; a diverged run did."""
+    return report["status"] in ("failed", "crashed", "timeout")
+
+
+def existing(folder: Path) -> Experiment:
+    """The experiment that the output folder was made from. Raises InputError when it is none."""
+    from runner.config import check
+
+    path = folder / store.EXPERIMENT
+    if not path.is_file():
+        raise InputError(f"{folder}: not the output of a sweep, it has no {store.EXPERIMENT}")
+    source = store.provenance(folder).get("source")
+    return check(Document(path, Path(source) if source else None))

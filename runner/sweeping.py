@@ -1,0 +1,122 @@
+"""A sweep, from its plan to its table and charts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from runner import aggregate, chart, machine, pool, store, worker
+from runner.config import Run, load
+from runner.errors import InputError, RunError
+from runner.plan import Plan, plan
+from runner.worker import Task
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+class Progress(Protocol):
+    """Whoever shows how a sweep goes on."""
+
+    def compiling(self, kernels: int) -> None: ...
+
+    def running(self, runs: int) -> None: ...
+
+    def done(self, run_id: str, status: str) -> None: ...
+
+
+class Silent:
+    def compiling(self, kernels: int) -> None: ...
+
+    def running(self, runs: int) -> None: ...
+
+    def done(self, run_id: str, status: str) -> None: ...
+
+
+class Stopped(Exception):
+    """The sweep ended at its first failure, as it was asked to."""
+
+
+def sweep(
+    path: str | Path,
+    overrides: Mapping[str, Any] | None = None,
+    out: str | Path = "outputs",
+    jobs: int | None = None,
+    timeout: float | None = None,
+    fresh: bool = False,
+) -> pyarrow.Table:
+    """Make all runs of an experiment file that `out`/<name> does not hold yet; its summary, a row per run in the folder.
+
+    Raises InputError when the file is wrong, RunError when the runs cannot be written.
+    """
+    work = plan(load(path, overrides), Path(out), fresh)
+    carry_out(work, jobs, timeout, fresh)
+    return finish(work)
+
+
+def carry_out(
+    work: Plan,
+    jobs: int | None = None,
+    timeout: float | None = None,
+    replace: bool = False,
+    fail_fast: bool = False,
+    progress: Progress = Silent(),
+) -> None:
+    """Make what is to do. Raises InputError when the folder cannot be written, RunError when a run cannot, Stopped at the first
+    failure with `fail_fast`; whatever was finished stays."""
+    start = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    source = work.experiment.document.folder
+    try:
+        work.folder.mkdir(parents=True, exist_ok=True)
+        store.write_text(work.folder / store.EXPERIMENT, work.experiment.document.text())
+        store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
+    except OSError as error:
+        raise InputError(f"{work.folder}: cannot be written: {error.strerror or error}") from None
+    if work.todo:
+        _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
+    end = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, end))
+
+
+def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast: bool, progress: Progress) -> None:
+    with store.aside(work.folder) as aside:
+        tasks = [
+            Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
+            for run in work.todo
+        ]
+        jobs = min(jobs, len(tasks))
+
+        def told(task: Task, status: str) -> None:
+            progress.done(task.run_id, status)
+            if fail_fast and status in ("failed", "crashed", "timeout"):
+                raise Stopped(task.run_id)
+
+        with pool.workers(jobs) as executor:
+            kernels = list({kernel_key(run): task for run, task in zip(work.todo, tasks)}.values())
+            progress.compiling(len(kernels))
+            pool.carry_out(executor, jobs, worker.compile_kernel, kernels, lambda task, status: None)
+            progress.running(len(tasks))
+            pool.carry_out(executor, jobs, worker.perform, tasks, told)
+
+
+def kernel_key(run: Run) -> tuple[str, int]:
+    """What kernel the run needs: runs with the same key share one."""
+    from sim import forces
+
+    setup = run.setup
+    fields = [field.build(run.folder) for field in setup.scene.forces.values()]
+    return setup.solver.method, len(forces.pack(fields, setup.scene.gravity, setup.balls.mass).selective)
+
+
+def finish(work: Plan, draw: Callable[..., Any] = chart.render) -> pyarrow.Table:
+    """Write the summary of all runs in the folder and draw the charts; the summary."""
+    table = aggregate.summarise(work.folder, work.experiment.matrix.keys)
+    if work.experiment.charts:
+        try:
+            draw(list(work.experiment.charts), table, work.folder, machine.footer())
+        except ValueError as error:
+            raise RunError(f"{work.folder}: {error}") from None
+    return table

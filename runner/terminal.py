@@ -1,0 +1,85 @@
+"""What a sweep shows: a bar on a terminal, plain lines in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+
+EVERY = 5.0  # s between lines in a log
+
+
+def progress(quiet: bool):
+    """A context manager that yields the Progress to use."""
+    if quiet:
+        from contextlib import nullcontext
+
+        from runner.sweeping import Silent
+
+        return nullcontext(Silent())
+    return Bar() if sys.stderr.isatty() else Lines()
+
+
+def tally(statuses: Counter) -> str:
+    return ", ".join(f"{count} {status}" for status, count in sorted(statuses.items())) or "nothing"
+
+
+class Lines:
+    """For a log: a line at the start, one every few seconds, one at the end, and one for each run that failed."""
+
+    def __enter__(self) -> Lines:
+        self.statuses, self.total, self.last = Counter(), 0, time.monotonic()
+        return self
+
+    def __exit__(self, *exc) -> None:
+        if self.total:
+            self._say()
+
+    def compiling(self, kernels: int) -> None:
+        print(f"preparing {kernels} kernel{'s' * (kernels > 1)} (compiled at their first use on a machine)", file=sys.stderr)
+
+    def running(self, runs: int) -> None:
+        self.total, self.last = runs, time.monotonic()
+
+    def done(self, run_id: str, status: str) -> None:
+        self.statuses[status] += 1
+        if status not in ("finished", "rested", "diverged"):
+            print(f"{run_id}: {status}", file=sys.stderr)
+        if time.monotonic() - self.last > EVERY:
+            self._say()
+
+    def _say(self) -> None:
+        self.last = time.monotonic()
+        print(f"{sum(self.statuses.values())} of {self.total} runs: {tally(self.statuses)}", file=sys.stderr, flush=True)
+
+
+class Bar:
+    """For a terminal."""
+
+    def __enter__(self) -> Bar:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self.statuses = Counter()
+        self.bar = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+            TextColumn("{task.fields[tally]}"), console=Console(stderr=True),
+        )  # fmt: skip
+        self.bar.start()
+        self.task = None
+        return self
+
+    def __exit__(self, *exc) -> None:
+        self.bar.stop()
+
+    def compiling(self, kernels: int) -> None:
+        self.task = self.bar.add_task(f"preparing {kernels} kernels", total=None, tally="compiled at their first use on a machine")
+
+    def running(self, runs: int) -> None:
+        self.bar.reset(self.task, description="runs", total=runs, tally="")
+
+    def done(self, run_id: str, status: str) -> None:
+        self.statuses[status] += 1
+        self.bar.update(self.task, advance=1, tally=tally(self.statuses))
+        if status not in ("finished", "rested", "diverged"):
+            self.bar.console.print(f"{run_id}: {status}")

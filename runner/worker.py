@@ -1,0 +1,70 @@
+"""What a worker process does: compile a kernel, or make a run and put it into the output folder."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+import traceback
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from runner import store
+
+
+class Task(NamedTuple):
+    """One run to make."""
+
+    run_id: str
+    parameters: dict[str, Any]
+    source: Path  # folder that file names in the parameters are relative to
+    aside: Path  # folder to make it in
+    final: Path  # folder it becomes
+    replace: bool  # a folder that is there already
+    timeout: float | None  # s
+
+
+def settle_in() -> None:
+    """Start of a worker: Ctrl-C is the parent's to handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def compile_kernel(task: Task) -> None:
+    """Have the kernel that the task's run needs compiled and on disk, for every worker."""
+    from runner.config import resolve
+    from runner.execute import prepare
+
+    try:
+        prepare(resolve(task.parameters, task.source))
+    except Exception:  # the run itself will tell what is wrong with it
+        pass
+
+
+def perform(task: Task) -> str:
+    """Make the run and publish its folder; returns its status. Raises OSError when it cannot be written."""
+    from runner import record
+    from runner.config import resolve
+    from runner.execute import run
+
+    made = task.aside / task.run_id
+    made.mkdir()
+    clock, started = time.perf_counter(), datetime.now(timezone.utc).isoformat(timespec="milliseconds")
+    deadline = None if task.timeout is None else time.monotonic() + task.timeout
+    report = {"run_id": task.run_id, "status": "failed", "error": None, "parameters": task.parameters, "figures": {}}
+    try:
+        result = run(resolve(task.parameters, task.source), lambda: deadline is not None and time.monotonic() > deadline)
+        for name in result.parameters["record"]["formats"]:
+            writer = record.load(name)
+            writer.write(result, made / writer.FILE)
+        report |= {"status": result.status, "figures": result.summary}
+        if result.status == "timeout":
+            report["error"] = f"stopped after {task.timeout:g} s"
+    except OSError:
+        raise
+    except Exception as error:
+        report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
+    report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
+    (made / store.RUN).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    store.publish(made, task.final, task.replace)
+    return report["status"]

@@ -1,0 +1,368 @@
+"""Charts against the tables and trajectories they are drawn from."""
+
+import itertools
+import subprocess
+import sys
+from statistics import median
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection
+
+from runner import chart
+from runner.chart._axes import scale
+from runner.chart._names import label, number_text
+
+METHODS = ["explicit_euler", "symplectic_euler", "rk4_original"]
+MASSES = [0.1, 1.0, 10.0, 100.0]
+DAMPINGS = [0.0, 0.05, 0.5]
+MASS, METHOD, DAMPING = "balls.mass", "solver.method", "scene.damping"
+ERROR = dict(zip(METHODS, [1e-1, 1e-3, 1e-9]))
+TIME = np.arange(6) * 0.1
+
+
+def rows():
+    """A run for each method, mass and damping, with numbers that tell which run they are of."""
+    return [
+        {
+            "run_id": f"{method}-{mass:g}-{damping:g}",
+            "status": "finished",
+            METHOD: method,
+            MASS: mass,
+            DAMPING: damping,
+            "bounces": 100 * METHODS.index(method) + int(10 * (1 - damping)) + MASSES.index(mass),
+            "energy_residual": (-1) ** MASSES.index(mass) * mass * ERROR[method] * (1 + damping),
+            "position_error_rms": None,
+        }
+        for method, mass, damping in itertools.product(METHODS, MASSES, DAMPINGS)
+    ]
+
+
+def table(runs):
+    return pa.Table.from_pylist(runs)
+
+
+def drawn(folder=".", runs=None, **options):
+    return chart.draw(chart.parse(options), table(rows() if runs is None else runs), folder)
+
+
+def lines(axes):
+    """(x, y) of each line drawn through points, in the order of the legend."""
+    return [line.get_xydata().T.tolist() for line in axes.get_lines() if line.get_markerfacecolor() != "white"]
+
+
+def words(figure):
+    """All that stands on the page outside the axes: title, notes and legend."""
+    legends = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    return " ".join([text.get_text() for text in figure.texts] + legends)
+
+
+@pytest.fixture
+def outputs(tmp_path):
+    """A folder of trajectories whose residual is that of the table, growing from zero as the square of time."""
+
+    def write(runs, time=TIME):
+        for run in runs:
+            folder = tmp_path / "runs" / run["run_id"]
+            folder.mkdir(parents=True)
+            with h5py.File(folder / "trajectory.h5", "w") as file:
+                file["observables/energy_residual/time"] = time
+                file["observables/energy_residual/value"] = run["energy_residual"] * (time / TIME[-1]) ** 2
+        return tmp_path
+
+    return write
+
+
+def test_kinds_are_the_modules_without_an_underscore():
+    assert {"energy", "lines"} <= set(chart.kinds())
+    assert not any(kind.startswith("_") for kind in chart.kinds())
+
+
+def test_neither_options_nor_drawing_load_pyplot_and_options_load_no_matplotlib(tmp_path):
+    script = """
+import sys, pyarrow
+from runner import chart
+for kind in chart.kinds():
+    chart.kind_module(kind).Chart
+assert "matplotlib" not in sys.modules, "options"
+chart.render([{"kind": "lines", "x": "a", "y": "a"}], pyarrow.table({"a": [1], "status": ["finished"]}), sys.argv[1], "")
+assert "matplotlib" in sys.modules and "matplotlib.pyplot" not in sys.modules, "drawing"
+"""
+    subprocess.run([sys.executable, "-c", script, tmp_path], check=True)
+
+
+@pytest.mark.parametrize(
+    "options, told",
+    [
+        ({}, "kind: missing"),
+        ({"kind": "line"}, "did you mean 'lines'"),
+        ({"kind": "lines", "x": MASS}, "y: missing"),
+        ({"kind": "lines", "x": MASS, "y": 3}, "y: 3"),
+        ({"kind": "energy", "serie": METHOD}, "serie: .*did you mean 'series'"),
+    ],
+)
+def test_wrong_options_are_told(options, told):
+    with pytest.raises(ValueError, match=told):
+        chart.parse(options)
+
+
+def test_columns_of_a_chart_are_told_by_option():
+    given = {"x": MASS, "y": "bounces", "panel": METHOD}
+    assert chart.columns(chart.parse({"kind": "lines", "title": "Masses", **given})) == given
+
+
+@pytest.mark.parametrize("option", ["x", "y", "series", "panel"])
+def test_an_unknown_column_is_told_with_those_like_it(option):
+    with pytest.raises(ValueError, match=f"^{option}: .*'balls.mas' .*did you mean 'balls.mass'[^\n]*$"):
+        drawn(**{"kind": "lines", "x": MASS, "y": "bounces", option: "balls.mas"})
+
+
+def test_render_tells_which_chart_is_wrong(tmp_path):
+    good = {"kind": "lines", "x": MASS, "y": "bounces"}
+    with pytest.raises(ValueError, match=r"^charts\.1: y: "):
+        chart.render([good, {**good, "y": "bouncs"}], table(rows()), tmp_path, "")
+
+
+def test_an_empty_table_and_text_as_y_are_told():
+    with pytest.raises(ValueError, match="no runs"):
+        chart.draw(chart.parse({"kind": "energy"}), table(rows()).slice(0, 0), ".")
+    with pytest.raises(ValueError, match="y: .*'solver.method' holds no numbers"):
+        drawn(kind="lines", x=MASS, y=METHOD)
+    with pytest.raises(ValueError, match="series: .*'run_id' has 36 different values"):
+        drawn(kind="lines", x=MASS, y="bounces", series="run_id")
+
+
+def test_one_run_a_point_is_drawn_as_it_is():
+    runs = [run for run in rows() if run[DAMPING] == 0.05]
+    figure = drawn(runs=runs, kind="lines", x=MASS, y="bounces", series=METHOD)
+    expected = [[MASSES, [run["bounces"] for run in runs if run[METHOD] == method]] for method in METHODS]
+    assert lines(figure.axes[0]) == expected
+    assert "median" not in words(figure)
+
+
+def test_runs_that_share_a_point_give_median_and_range():
+    figure = drawn(kind="lines", x=MASS, y="bounces", series=METHOD)
+    bars = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
+    for method, line, bar in zip(METHODS, lines(figure.axes[0]), bars, strict=True):
+        sets = [[run["bounces"] for run in rows() if (run[METHOD], run[MASS]) == (method, mass)] for mass in MASSES]
+        assert line == [MASSES, [median(values) for values in sets]]
+        assert [segment[:, 1].tolist() for segment in bar.get_segments()] == [[min(s), max(s)] for s in sets]
+    assert "median and range of 3 runs each (damping varies)" in words(figure)
+
+
+def test_one_series_has_a_band():
+    figure = drawn(kind="lines", x=MASS, y="bounces")
+    (band,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    for mass in MASSES:
+        values = [run["bounces"] for run in rows() if run[MASS] == mass]
+        edges = {y for x, y in band.get_paths()[0].vertices if x == mass}
+        assert edges == {min(values), max(values)}
+    assert "median and range of 9 runs each (method and damping vary)" in words(figure)
+
+
+def test_lines_that_coincide_stand_side_by_side():
+    runs = [{**run, "bounces": 7} for run in rows()]
+    axes = drawn(runs=runs, kind="lines", x=MASS, y="bounces", series=METHOD).axes[0]
+    assert lines(axes) == [[MASSES, [7] * 4]] * 3
+    places = [line.get_transform().transform(line.get_xydata())[0, 0] for line in axes.get_lines()]
+    assert places[0] < places[1] - 2 < places[2] - 4
+
+
+def test_names_along_x_stand_in_the_table_s_order():
+    figure = drawn(kind="lines", x=METHOD, y="bounces", series=MASS)
+    assert [text.get_text().replace("\n", "") for text in figure.axes[0].get_xticklabels()] == METHODS
+    for mass, (x, y) in zip(MASSES, lines(figure.axes[0]), strict=True):
+        assert np.round(x).tolist() == [0, 1, 2]
+        assert y == [median(r["bounces"] for r in rows() if (r[METHOD], r[MASS]) == (m, mass)) for m in METHODS]
+    assert "ball mass (kg):" in words(figure)
+
+
+def test_panels_split_and_are_headed():
+    figure = drawn(kind="lines", x=MASS, y="bounces", series=METHOD, panel=DAMPING)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["damping = 0", "damping = 0.05", "damping = 0.5"]
+    for axes, damping in zip(figure.axes, DAMPINGS, strict=True):
+        assert lines(axes)[2][1] == [r["bounces"] for r in rows() if (r[METHOD], r[DAMPING]) == (METHODS[2], damping)]
+
+
+def test_diverged_and_failed_runs_are_left_out_and_told():
+    runs = rows()
+    for run, status, bounces in zip(runs, ["diverged", "diverged", "failed", "finished"], [1e300, np.inf, None, np.nan]):
+        run.update(status=status, bounces=bounces)
+    figure = drawn(runs=runs, kind="lines", x=MASS, y="bounces", series=METHOD)
+    assert "2 diverged runs not shown" in words(figure)
+    assert "1 failed run not shown" in words(figure)
+    assert "1 run without bounces not shown" in words(figure)
+    assert lines(figure.axes[0])[0] == [[1, 10, 100], [median([10.0, 6.0]), 11, 12]]
+    assert figure.axes[0].get_ylim()[1] < 400
+
+
+def test_a_point_that_lacks_runs_is_open():
+    runs = rows()
+    runs[0]["status"] = "diverged"
+    figure = drawn(runs=runs, kind="lines", x=MASS, y="bounces", series=METHOD)
+    (hollow,) = (line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "white")
+    assert hollow.get_xydata().tolist() == [[0.1, median([9, 5])]]
+    assert "open markers" in words(figure)
+
+
+def test_a_chart_without_any_figure_says_so():
+    figure = drawn(kind="lines", x=MASS, y="position_error_rms", series=METHOD)
+    assert "36 runs without RMS position error not shown" in words(figure)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["nothing to show"]
+
+
+@pytest.mark.parametrize(
+    "values, expected",
+    [
+        (MASSES, "log"),
+        ([1e-4, 1e-2], "log"),
+        ([1e-9, 5, 10], "log"),
+        ([20, 100], "linear"),
+        (range(1, 201), "linear"),
+        (DAMPINGS, "linear"),
+        ([0, *MASSES], "symlog"),
+        ([-10, 1e-6, 1e-3, 3], "symlog"),
+        (range(-100, 100), "linear"),
+        ([0, 0], "linear"),
+        ([], "linear"),
+    ],
+)
+def test_scale_follows_the_values(values, expected):
+    assert scale(values) == expected
+
+
+def test_axes_have_the_scale_and_ticks_of_their_values():
+    axes = drawn(kind="lines", x=MASS, y="bounces").axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "1", "10", "100"]
+    assert drawn(kind="lines", x=DAMPING, y="bounces").axes[0].get_xscale() == "linear"
+
+
+def test_errors_decades_apart_are_compared_by_size():
+    axes = drawn(kind="lines", x=MASS, y="energy_residual", series=METHOD).axes[0]
+    assert axes.get_yscale() == "log"
+    assert axes.get_ylabel() == "|energy residual| (J)"
+    assert np.allclose(lines(axes)[2][1], [mass * 1e-9 * 1.05 for mass in MASSES], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "column, expected",
+    [
+        ("balls.mass", "ball mass (kg)"),
+        ("scene.damping", "damping"),
+        ("scene.wall_mass", "wall mass (kg)"),
+        ("scene.forces.corridor.magnitude", "corridor magnitude (N)"),
+        ("scene.forces.well.stiffness", "well stiffness (N/m)"),
+        ("balls.emitter.max_speed", "emitter max speed (m/s)"),
+        ("solver.method", "method"),
+        ("step", "step (s)"),
+        ("energy_residual_rel", "relative energy residual"),
+        ("ball_steps_per_second", "simulation speed (ball-steps/s)"),
+    ],
+)
+def test_labels_have_units(column, expected):
+    assert label(column) == expected
+
+
+def test_labels_stand_at_the_axes_and_the_title_says_what_is_shown():
+    figure = drawn(kind="lines", x=MASS, y="bounces")
+    assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("ball mass (kg)", "bounces")
+    assert "Bounces against ball mass" in words(figure)
+    assert "Mine: 5 $" in words(drawn(kind="lines", x=MASS, y="bounces", title="Mine: 5 $"))
+
+
+@pytest.mark.parametrize(
+    "value, expected", [(0.1, "0.1"), (-20.0, "−20"), (1e-6, "10⁻⁶"), (2.5e7, "2.5×10⁷"), (-1e-4, "−10⁻⁴"), (0.3, "0.3")]
+)
+def test_numbers_read_well(value, expected):
+    assert number_text(value) == expected
+
+
+def test_energy_draws_few_runs_as_they_are(outputs):
+    runs = [run for run in rows() if run[DAMPING] == 0]
+    figure = drawn(outputs(runs), runs, kind="energy", series=METHOD)
+    expected = [np.abs(run["energy_residual"]) * (TIME / TIME[-1]) ** 2 for run in runs]
+    assert [line[0] for line in lines(figure.axes[0])] == [TIME.tolist()] * len(runs)
+    assert np.array_equal([line[1] for line in lines(figure.axes[0])], expected)
+    assert figure.axes[0].get_yscale() == "symlog"
+    assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("time (s)", "|energy residual| (J)")
+
+
+def test_energy_of_like_runs_keeps_its_sign(outputs):
+    runs = [run for run in rows() if (run[METHOD], run[MASS]) == (METHODS[0], 1.0)]
+    figure = drawn(outputs(runs), runs, kind="energy", series=DAMPING)
+    assert figure.axes[0].get_yscale() == "linear"
+    assert figure.axes[0].get_ylabel() == "energy residual (J)"
+    assert [line[1][-1] for line in lines(figure.axes[0])] == [run["energy_residual"] for run in runs]
+
+
+def test_energy_draws_many_runs_as_median_and_band(outputs):
+    figure = drawn(outputs(rows()), kind="energy", series=METHOD)
+    for method, line, band in zip(METHODS, lines(figure.axes[0]), figure.axes[0].collections, strict=True):
+        ends = [abs(run["energy_residual"]) for run in rows() if run[METHOD] == method]
+        assert line[0] == TIME.round(9).tolist()
+        assert np.allclose(line[1], median(ends) * (TIME / TIME[-1]) ** 2, rtol=1e-12)
+        edges = [y for x, y in band.get_paths()[0].vertices if x == line[0][-1]]
+        assert (min(edges), max(edges)) == (min(ends), max(ends))
+    assert "median and range of 12 runs each (ball mass and damping vary)" in words(figure)
+
+
+def test_energy_takes_medians_at_times_all_runs_have(outputs):
+    runs = rows()
+    outputs(runs[1:])
+    figure = drawn(outputs(runs[:1], np.arange(11) * 0.05), runs, kind="energy")
+    assert lines(figure.axes[0])[0][0] == TIME.round(9).tolist()
+
+
+def test_energy_median_does_not_fall_when_a_diverged_run_ends(outputs):
+    runs = [run for run in rows() if run[METHOD] == METHODS[0]]
+    runs += [{**run, "run_id": run["run_id"] + "-b", "status": "diverged", "energy_residual": 1e12} for run in runs]
+    outputs(runs[:12])
+    folder = outputs(runs[12:], TIME[:4])
+    figure = drawn(folder, runs, kind="energy")
+    (line,) = lines(figure.axes[0])
+    assert np.all(np.diff(line[1]) >= 0)
+    assert figure.axes[0].get_ylim()[1] < 1e3
+    assert "12 diverged runs stopped early" in words(figure)
+
+
+def test_energy_leaves_out_and_tells_runs_without_a_trajectory(outputs):
+    runs = [run for run in rows() if run[DAMPING] == 0]
+    folder = outputs(runs[2:])
+    (folder / "runs" / runs[1]["run_id"]).mkdir()
+    (folder / "runs" / runs[1]["run_id"] / "trajectory.h5").write_bytes(b"torn")
+    runs[2]["status"] = "failed"
+    figure = drawn(folder, runs, kind="energy", series=METHOD, panel=MASS)
+    assert sum(len(lines(axes)) for axes in figure.axes) == len(runs) - 3
+    assert "2 runs without a trajectory not shown" in words(figure)
+    assert "1 failed run not shown" in words(figure)
+
+
+def test_files_are_named_by_their_options_signed_and_the_same_each_time(outputs):
+    folder = outputs(rows())
+    charts = [
+        {"kind": "lines", "x": MASS, "y": "bounces", "series": METHOD},
+        {"kind": "lines", "x": MASS, "y": "bounces"},
+        {"kind": "energy", "series": METHOD},
+        {"kind": "energy"},
+    ]
+    names = ["lines-bounces-by-balls.mass", "lines-bounces-by-balls.mass-2", "energy-by-solver.method", "energy"]
+    written = chart.render(charts, table(rows()), folder, "carom 1.2, a machine")
+    assert written == [folder / "charts" / (name + suffix) for name in names for suffix in (".png", ".svg")]
+    assert sorted(folder.joinpath("charts").iterdir()) == sorted(written)
+    first = [path.read_bytes() for path in written]
+    for svg in first[1::2]:
+        assert b"carom 1.2, a machine" in svg
+        assert b"<text" in svg
+    chart.render(charts, table(rows()), folder, "carom 1.2, a machine")
+    assert [path.read_bytes() for path in written] == first
+
+
+def test_a_name_cannot_leave_the_folder_or_break_the_text(tmp_path):
+    odd = "scene.forces.../$a$_{b}.magnitude"
+    runs = [{**run, odd: run[MASS]} for run in rows()]
+    written = chart.render([{"kind": "lines", "x": odd, "y": "bounces"}], table(runs), tmp_path, "$5 & <b>")
+    assert {path.parent for path in written} == {tmp_path / "charts"}
+    assert "$a$ {b} magnitude (N)" in written[1].read_text()
