@@ -69,6 +69,8 @@ def sweep(
         return
     if not quiet:
         print(f"{work.folder}: {counts}", file=sys.stderr)
+    if sweeping.is_finished(work):
+        raise typer.Exit(0 if _judge(work, check, quiet) else 1)
     stopped = None
     try:
         _end_as_interrupt()
@@ -139,6 +141,7 @@ def view(
     runs: Annotated[Optional[list[str]], typer.Argument(metavar="[RUN]...", help="Run ids, or their beginnings.")] = None,
 ) -> None:
     """Open recordings in the rerun viewer: the scene beside the energy curves."""
+    import os
     import subprocess
     import tempfile
 
@@ -148,7 +151,9 @@ def view(
     with tempfile.TemporaryDirectory() as scratch:
         blueprint = Path(scratch) / "carom.rbl"
         viewer.write_blueprint(blueprint)
-        raise typer.Exit(subprocess.run(viewer.viewer_command(recordings, blueprint)).returncode)
+        # CI=1 keeps the viewer from sending usage figures home
+        command = viewer.viewer_command(recordings, blueprint)
+        raise typer.Exit(subprocess.run(command, env=os.environ | {"CI": "1"}).returncode)
 
 
 @app.command()

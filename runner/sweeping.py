@@ -111,12 +111,25 @@ def kernel_key(run: Run) -> tuple[str, int]:
     return setup.solver.method, len(forces.pack(fields, setup.scene.gravity, setup.balls.mass).selective)
 
 
-def finish(work: Plan, draw: Callable[..., Any] = chart.render) -> pyarrow.Table:
+def finish(work: Plan) -> pyarrow.Table:
     """Write the summary of all runs in the folder and draw the charts; the summary."""
     table = aggregate.summarise(work.folder, work.experiment.matrix.keys)
     if work.experiment.charts:
         try:
-            draw(list(work.experiment.charts), table, work.folder, machine.footer())
+            chart.render(list(work.experiment.charts), table, work.folder, machine.footer())
         except ValueError as error:
             raise RunError(f"{work.folder}: {error}") from None
     return table
+
+
+def is_finished(work: Plan) -> bool:
+    """Whether the folder holds all of the plan already, summary and charts drawn from the same file."""
+    try:
+        same = (work.folder / store.EXPERIMENT).read_text(encoding="utf-8") == work.experiment.document.text()
+        charts = len(os.listdir(work.folder / chart.FOLDER)) if work.experiment.charts else 0
+    except FileNotFoundError:
+        return False
+    summarised = work.folder / f"{store.SUMMARY}.csv"
+    # written last: a sweep that was stopped before has an older one, or none
+    fresh = summarised.exists() and summarised.stat().st_mtime >= (work.folder / store.RUNS).stat().st_mtime
+    return not work.todo and same and fresh and charts >= len(work.experiment.charts)

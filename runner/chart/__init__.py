@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+FOLDER = "charts"  # of a sweep's output
+
 
 def kinds() -> list[str]:
     """The names of all kinds of chart, sorted."""
@@ -107,7 +109,7 @@ def render(charts: list[dict[str, Any]], table: pyarrow.Table, folder: Path, foo
             for suffix, metadata in {".png": {}, ".svg": {"Date": None}}.items():
                 content = io.BytesIO()
                 figure.savefig(content, format=suffix[1:], metadata=metadata)
-                written.append(_write(Path(folder) / "charts" / (name + suffix), content.getvalue()))
+                written.append(_write(Path(folder) / FOLDER / (name + suffix), content.getvalue()))
     return written
 
 
