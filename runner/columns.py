@@ -9,6 +9,7 @@ FIGURES = {
     "steps": "of all balls together",
     "bounces": "",
     "bounces_per_ball_max": "",
+    "surfaces_hit": "surfaces that some ball bounced off",
     "rest_count": "balls at rest at the end",
     "penetrations": "times a ball's centre passed through a surface",
     "energy_initial": "J, of all balls at their release",
@@ -29,4 +30,4 @@ FIGURES = {
 #: Columns that every summary has, the parameters that vary standing after the first three.
 COLUMNS = ["run_id", "status", "error", *FIGURES, "wall_seconds", "started"]
 TEXTS = {"run_id", "status", "error", "method", "contact", "started"}
-WHOLE = {"balls", "steps", "bounces", "bounces_per_ball_max", "rest_count", "penetrations"}
+WHOLE = {"balls", "steps", "bounces", "bounces_per_ball_max", "rest_count", "penetrations", "surfaces_hit"}

@@ -35,13 +35,16 @@ class Verdict(NamedTuple):
 
 
 def describe(expectation: Expectation) -> str:
-    parts = [expectation.column]
-    for symbol, bound in ((">=", expectation.min), ("<=", expectation.max), ("=", expectation.equals)):
-        if bound is not None:
-            parts.append(f"{symbol} {bound:g}" if isinstance(bound, float) else f"{symbol} {bound}")
+    told = expectation.column
+    if expectation.equals is not None:
+        told += f" = {expectation.equals}"
+    if expectation.min is not None:
+        told = f"{expectation.min:.12g} <= {told}"
+    if expectation.max is not None:
+        told += f" <= {expectation.max:.12g}"
     if expectation.where:
-        parts.append("where " + ", ".join(f"{key} = {value}" for key, value in expectation.where.items()))
-    return " ".join(parts)
+        told += " where " + ", ".join(f"{key} = {value}" for key, value in expectation.where.items())
+    return told
 
 
 def verdicts(expectations: Sequence[Expectation], reports: Iterable[dict[str, Any]]) -> list[Verdict]:

@@ -66,8 +66,9 @@ def advance(block, dt, body, forces, facets, tree, frame, record, bounces, budge
             rows = attempt(block, body, forces, facets, tree, bounces, rows)
             commit(block)
             for i in range(LANES):
-                s[STEPS + i] += 1.0 if s[H + i] > 0.0 else 0.0
-                s[AGE + i] = s[STEPS + i] * dt
+                moves = s[H + i] > 0.0  # else it may have ended, at an age that is no multiple of dt
+                s[STEPS + i] += 1.0 if moves else 0.0
+                s[AGE + i] = s[STEPS + i] * dt if moves else s[AGE + i]
             least, most, budget = least - 1, most - 1, budget - 1
 
         # What is left of a step: the frame lies inside it, or the flight ends there.

@@ -188,13 +188,16 @@ def test_panels_split_and_are_headed():
 
 def test_diverged_and_failed_runs_are_left_out_and_told():
     runs = rows()
-    for run, status, bounces in zip(runs, ["diverged", "diverged", "failed", "finished"], [1e300, np.inf, None, np.nan]):
-        run.update(status=status, bounces=bounces)
+    runs[0].update(status="diverged", bounces=1e300)
+    runs[1].update(status="diverged", bounces=np.inf)
+    runs[2].update(status="failed", bounces=None)
+    runs[3]["bounces"] = np.nan
+    runs[6]["bounces"] = np.inf
     figure = drawn(runs=runs, kind="lines", x=MASS, y="bounces", series=METHOD)
     assert "2 diverged runs not shown" in words(figure)
     assert "1 failed run not shown" in words(figure)
-    assert "1 run without bounces not shown" in words(figure)
-    assert lines(figure.axes[0])[0] == [[1, 10, 100], [median([10.0, 6.0]), 11, 12]]
+    assert "2 runs without bounces not shown" in words(figure)
+    assert lines(figure.axes[0])[0] == [[1, 10, 100], [median([10, 6]), median([11, 7]), 12]]
     assert figure.axes[0].get_ylim()[1] < 400
 
 
@@ -365,4 +368,4 @@ def test_a_name_cannot_leave_the_folder_or_break_the_text(tmp_path):
     runs = [{**run, odd: run[MASS]} for run in rows()]
     written = chart.render([{"kind": "lines", "x": odd, "y": "bounces"}], table(runs), tmp_path, "$5 & <b>")
     assert {path.parent for path in written} == {tmp_path / "charts"}
-    assert "$a$ {b} magnitude (N)" in written[1].read_text()
+    assert "$a$ {b} magnitude (N)</text>" in written[1].read_text()
