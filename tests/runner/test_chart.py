@@ -13,7 +13,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from runner import chart
 from runner.chart._axes import scale
-from runner.chart._names import label, number_text
+from runner.chart._names import SUMMARY, label, number_text
+from runner.columns import COLUMNS
 
 METHODS = ["explicit_euler", "symplectic_euler", "rk4_original"]
 MASSES = [0.1, 1.0, 10.0, 100.0]
@@ -87,7 +88,8 @@ from runner import chart
 for kind in chart.kinds():
     chart.kind_module(kind).Chart
 assert "matplotlib" not in sys.modules, "options"
-chart.render([{"kind": "lines", "x": "a", "y": "a"}], pyarrow.table({"a": [1], "status": ["finished"]}), sys.argv[1], "")
+table = pyarrow.table({"a": [1], "status": ["finished"]})
+chart.render([{"kind": "lines", "x": "a", "y": "a"}], table, sys.argv[1], "")
 assert "matplotlib" in sys.modules and "matplotlib.pyplot" not in sys.modules, "drawing"
 """
     subprocess.run([sys.executable, "-c", script, tmp_path], check=True)
@@ -269,6 +271,11 @@ def test_labels_have_units(column, expected):
     assert label(column) == expected
 
 
+def test_every_column_of_a_summary_has_its_words():
+    """Else it would pass for a parameter: in notes that tell what varies, and without its unit."""
+    assert set(COLUMNS) == set(SUMMARY)
+
+
 def test_labels_stand_at_the_axes_and_the_title_says_what_is_shown():
     figure = drawn(kind="lines", x=MASS, y="bounces")
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("ball mass (kg)", "bounces")
@@ -277,7 +284,8 @@ def test_labels_stand_at_the_axes_and_the_title_says_what_is_shown():
 
 
 @pytest.mark.parametrize(
-    "value, expected", [(0.1, "0.1"), (-20.0, "−20"), (1e-6, "10⁻⁶"), (2.5e7, "2.5×10⁷"), (-1e-4, "−10⁻⁴"), (0.3, "0.3")]
+    "value, expected",
+    [(0.1, "0.1"), (-20.0, "−20"), (1e-6, "10⁻⁶"), (2.5e7, "2.5×10⁷"), (-1e-4, "−10⁻⁴")],
 )
 def test_numbers_read_well(value, expected):
     assert number_text(value) == expected
