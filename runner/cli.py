@@ -29,7 +29,7 @@ def main() -> None:
     """The `carom` command: expected failures are a line each and an exit code, never a traceback."""
     try:
         app()
-    except (InputError, RunError) as error:
+    except (InputError, RunError, OSError) as error:
         if "--debug" in sys.argv:
             raise
         print(error, file=sys.stderr)
@@ -206,13 +206,19 @@ def _load(file: Path, overrides: list[str] | None):
 
 
 def _end_as_interrupt() -> None:
-    """Let SIGTERM end the sweep as Ctrl-C does."""
+    """Let SIGTERM end the sweep as Ctrl-C does, and once only: a second one must not cut short what the first began."""
     import signal
 
+    # one that is ignored already, as a shell's background jobs ignore Ctrl-C, stays so
+    both = [each for each in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(each) != signal.SIG_IGN]
+
     def interrupt(*_):
+        for each in both:
+            signal.signal(each, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGTERM, interrupt)
+    for each in both:
+        signal.signal(each, interrupt)
 
 
 def _finished(work) -> int:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from pydantic import BaseModel, ValidationError
 
 import sim
 from runner import chart
-from runner.document import Document, Path_, dotted, split
+from runner.columns import COLUMNS
+from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault, InputError
-from runner.expect import check_columns
-from runner.faults import explain
+from runner.expect import unknown_columns
+from runner.faults import explain, outline
 from runner.matrix import Matrix, Values, parse
 from runner.schema import Expectation, File, Setup
-from runner.settings import with_value
+from runner.settings import canonical, leaves, with_value
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,12 @@ class Experiment:
     expect: tuple[Expectation, ...]
     charts: tuple[dict[str, Any], ...]
 
+    @property
+    def columns(self) -> list[str]:
+        """The settings that the summary has columns for: those that vary, and those that the charts read."""
+        read = [name for options in self.charts for name in chart.columns(chart.parse(options)).values()]
+        return list(dict.fromkeys(self.matrix.keys + [name for name in read if name not in COLUMNS]))
+
     def runs(self) -> list[Run]:
         """Every run of the matrix, equal ones once. Raises InputError with all that is wrong with any of them."""
         runs, faults = {}, {}
@@ -63,6 +71,8 @@ class Experiment:
                 runs.setdefault(run.run_id, run)
             except InputError as error:
                 faults.update(dict.fromkeys(error.faults))
+        if not (faults or runs):
+            faults[Fault(self.document.place(("matrix", "exclude")), "matrix.exclude", "drops every run")] = None
         if faults:
             raise InputError(*faults)
         return list(runs.values())
@@ -81,30 +91,31 @@ def load(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experi
 
 def vary(document: Document, key: str, values: list[Any]) -> None:
     """Give the setting `key` one value, or let the matrix vary it over several."""
-    matrix = document.data.get("matrix") or {}
-    groups = matrix.get("zip") if isinstance(matrix, dict) else None
-    if any(key in group for group in groups or [] if isinstance(group, dict)):
+    matrix = _group(document.data.get("matrix"))
+    groups = matrix.get("zip")
+    if any(canonical(key) in map(canonical, _group(group)) for group in (groups if isinstance(groups, list) else [])):
         raise InputError(Fault(f"-s {key}", "matrix.zip", "varies together with other settings, so it has no value of its own"))
-    if len(values) > 1 or key in matrix:
-        document.override(("matrix", key), values, f"-s {key}")
+    named = next((other for other in matrix if canonical(other) == canonical(key)), key)
+    if len(values) > 1 or named in matrix:
+        document.override(("matrix", named), values, f"-s {key}")
     if len(values) == 1:
         document.override(split(key), values[0], f"-s {key}")
 
 
 def check(document: Document) -> Experiment:
     """The experiment in `document`. Raises InputError, a line for each mistake."""
-    faults = []
+    settings = outline(Setup, document.data)
+    matrix, faults = parse(_group(document.data.get("matrix")), settings, document)
+    known = [*COLUMNS, *matrix.keys, *(name for name, _ in leaves(settings))]
+    faults += unknown_columns(document, known) + _chart_faults(document, known)
     try:
         file = _validate(File, document.data, document)
     except InputError as error:
         faults += error.faults
-    faults += _chart_faults(document)
     if faults:
-        raise InputError(*faults)
-    base = _run(document, {})
-    matrix = parse(file.matrix, base.parameters, document)
-    check_columns(file.expect, base.parameters, document)
-    return Experiment(file.name or document.path.stem, document, base, matrix, tuple(file.expect), tuple(file.charts))
+        raise InputError(*dict.fromkeys(faults + _value_faults(document, matrix)))
+    name = file.name or document.path.stem.strip(".") or "experiment"
+    return Experiment(name, document, _run(document, {}), matrix, tuple(file.expect), tuple(file.charts))
 
 
 def resolve(parameters: dict[str, Any], folder: Path) -> Run:
@@ -141,14 +152,35 @@ def _json(data: Any) -> str:
     return json.dumps(whole(data))
 
 
-def _chart_faults(document: Document) -> list[Fault]:
+def _value_faults(document: Document, matrix: Matrix) -> list[Fault]:
+    """What is wrong with the file's own run, and with the values of the matrix, each alone in it."""
+    faults: list[Fault] = []
+    for values in ({}, *chain(*matrix.axes), *matrix.include):
+        try:
+            _run(document, values)
+        except InputError as error:
+            faults += error.faults
+    return faults
+
+
+def _chart_faults(document: Document, known: Collection[str]) -> list[Fault]:
+    """What is wrong with the charts' options, and columns they name that no run has."""
     faults, charts = [], document.data.get("charts")
     for index, options in enumerate(charts if isinstance(charts, list) else []):
+        if not isinstance(options, dict):
+            continue  # told elsewhere
         try:
-            if isinstance(options, dict):
-                chart.parse(options)
+            columns = chart.columns(chart.parse(options)).items()
+            wrong = {option: f"no run has '{name}'{suggestion(name, known)}" for option, name in columns if name not in known}
         except ValueError as error:
-            name, _, reason = str(error).partition(": ")
-            path = ("charts", index, name)
+            option, _, reason = str(error).partition(": ")
+            wrong = {option: reason}
+        for option, reason in wrong.items():
+            path = ("charts", index, option)
             faults.append(Fault(document.place(path), dotted(path), reason))
     return faults
+
+
+def _group(data: Any) -> dict:
+    """`data` where it is a group of settings, else an empty one: that it should be one is told elsewhere."""
+    return data if isinstance(data, dict) else {}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
-import math
+import sys
 from collections.abc import Iterable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ class Document:
         try:
             if self.path.stat().st_size > LARGEST:
                 raise InputError(f"{self.path}: larger than {LARGEST // 1_000_000} MB, not an experiment")
-            return _yaml().load(self.path.read_text(encoding="utf-8"))
+            return _read(self.path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise InputError(f"{self.path}: no such file{_nearby(self.path)}") from None
         except UnicodeDecodeError:
@@ -71,7 +72,8 @@ class Document:
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = f"{self.path}:{mark.line + 1}:{mark.column + 1}" if mark else str(self.path)
-            raise InputError(Fault(place, "", " ".join((error.problem or str(error)).split()))) from None
+            problem = (error.problem or str(error)).partition(" with value ")[0]  # of a duplicate key, which may be long
+            raise InputError(Fault(place, "", " ".join(problem.split()))) from None
         except YAMLError as error:
             raise InputError(Fault(str(self.path), "", " ".join(str(error).split()))) from None
         except (RecursionError, ValueError) as error:
@@ -100,12 +102,10 @@ class Document:
             return [self._plain(value, path + (index,)) for index, value in enumerate(node)]
         if node is None or isinstance(node, bool):
             return node
-        if isinstance(node, int):
-            return int(node)
-        if isinstance(node, float):
-            if not math.isfinite(node):
+        if isinstance(node, (int, float)):
+            if not abs(node) <= sys.float_info.max:
                 raise InputError(Fault(self.place(path), dotted(path), "must be a finite number"))
-            return float(node)
+            return int(node) if isinstance(node, int) else float(node)
         if isinstance(node, str):
             return str(node)
         raise InputError(Fault(self.place(path), dotted(path), f"a {type(node).__name__} has no meaning here"))
@@ -123,8 +123,9 @@ class Document:
         for depth, key in enumerate(path[:-1]):
             if isinstance(plain, dict) and plain.get(key) is None:
                 plain[key], node[_spelt(node, key)] = {}, {}
+                self._origins[path[: depth + 1]] = origin
             try:
-                node, plain = node[_spelt(node, key)], plain[key]
+                node, plain = _alone(node, _spelt(node, key)), plain[key]
             except (IndexError, TypeError):
                 plain = None
             if not isinstance(plain, (dict, list)):
@@ -134,6 +135,14 @@ class Document:
         self._origins[path] = origin
         plain[path[-1]] = self._plain(value, path)
         node[_spelt(node, path[-1])] = value
+
+
+def _alone(node: Any, key: str | int) -> Any:
+    """What stands at `key`, made a copy of its own, so that a change in it leaves aliases of it alone."""
+    node[key] = copy = deepcopy(node[key])
+    if hasattr(copy, "yaml_set_anchor"):
+        copy.yaml_set_anchor(None)
+    return copy
 
 
 def _spelt(node: Any, key: str | int) -> str | int:
@@ -153,8 +162,8 @@ def dotted(path: Iterable[str | int]) -> str:
 def read_values(text: str, origin: str) -> list[Any]:
     """The YAML values in a piece of text with commas between, as in `-s balls.mass=1,1e1`. Raises InputError told at `origin`."""
     try:
-        values = _yaml().load(f"[{text}]")
-    except YAMLError:
+        values = _read(f"[{text}]")
+    except (YAMLError, RecursionError, ValueError):
         raise InputError(Fault(origin, "", "not a value in YAML")) from None
     if not values:
         raise InputError(Fault(origin, "", "has no value"))
@@ -165,6 +174,15 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """` (did you mean 'x'?)` for the known word nearest to `word`, else nothing."""
     near = difflib.get_close_matches(str(word), [str(k) for k in known], 1)
     return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def _read(text: str) -> Any:
+    """The YAML of `text`; MarkedYAMLError at the first tag in it, so that none is ever looked at."""
+    for event in _yaml().parse(text) if "!" in text else ():
+        if getattr(event, "tag", None):
+            tag = str(event.tag).replace("tag:yaml.org,2002:", "!!")
+            raise MarkedYAMLError(problem=f"the tag {tag} has no meaning here", problem_mark=event.start_mark)
+    return _yaml().load(text)
 
 
 def _yaml() -> YAML:

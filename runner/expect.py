@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from runner.columns import COLUMNS
 from runner.document import Document, dotted, suggestion
-from runner.errors import Fault, InputError
+from runner.errors import Fault
 from runner.schema import Expectation
 from runner.settings import canonical, leaves
 
@@ -77,15 +76,15 @@ def satisfies(value: Any, expectation: Expectation) -> bool:
     return low <= value <= high
 
 
-def check_columns(expectations: Sequence[Expectation], parameters: dict[str, Any], document: Document) -> None:
-    """Raises InputError for columns that no run has."""
-    known = set(COLUMNS) | {name for name, _ in leaves(parameters)}
-    faults = []
-    for index, each in enumerate(expectations):
-        for path, name in [(("column",), each.column), *((("where", key), canonical(key)) for key in each.where)]:
-            if name not in known:
+def unknown_columns(document: Document, known: Collection[str]) -> list[Fault]:
+    """A fault for each column that an expectation of the document speaks of and no run has."""
+    faults, expectations = [], document.data.get("expect")
+    for index, each in enumerate(expectations if isinstance(expectations, list) else []):
+        each = each if isinstance(each, dict) else {}
+        where = each.get("where") if isinstance(each.get("where"), dict) else {}
+        for path, name in [(("column",), each.get("column")), *((("where", key), canonical(key)) for key in where)]:
+            if isinstance(name, str) and name not in known:
                 place = ("expect", index, *path)
                 reason = f"no run has '{name}'{suggestion(name, known)}"
                 faults.append(Fault(document.place(place), dotted(place), reason))
-    if faults:
-        raise InputError(*faults)
+    return faults

@@ -16,6 +16,7 @@ TYPES = {
     "dict": "a group of settings", "mapping": "a group of settings", "model": "a group of settings",
     "model_attributes": "a group of settings",
 }  # fmt: skip
+LATER = ("exact",)  # choices that are not built yet
 LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le"), "less_than": ("<", "lt")}
 
 
@@ -70,6 +71,8 @@ def _reason(error: dict, path: Path_, model: type[BaseModel]) -> str:
         given = value if kind == "literal_error" else context["tag"]
         allowed = context.get("expected") or context["expected_tags"]
         words = [word.strip("' ") for word in allowed.replace(" or ", ",").split(",")]
+        if given in LATER:
+            return f"{short(given)} is not built yet; there are {', '.join(words)}"
         return f"must be one of {', '.join(words)}, not {short(given)}{suggestion(given, words)}"
     if kind == "union_tag_not_found":
         return f"needs {context['discriminator']}, to say what it is"
@@ -89,6 +92,21 @@ def _reason(error: dict, path: Path_, model: type[BaseModel]) -> str:
 def short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def outline(kind: Any, data: Any) -> Any:
+    """`data` with every setting that its type `kind` knows, None where it is left out; what is wrong with it stays wrong."""
+    group = _bare(kind)
+    if get_origin(group) in (Union, UnionType) and isinstance(data, dict):
+        group = _child(group, data.get("shape", data.get("type")))
+    if isinstance(group, type) and issubclass(group, BaseModel) and not (data is None and type(None) in get_args(kind)):
+        given = data if isinstance(data, dict) else {}
+        return {name: outline(field.annotation, given.get(name)) for name, field in group.model_fields.items()}
+    if isinstance(data, dict):
+        return {key: outline(_child(group, key), each) for key, each in data.items()}
+    if isinstance(data, list):
+        return [outline(_child(group, index), each) for index, each in enumerate(data)]
+    return data
 
 
 def _keys(kind: Any, loc: tuple) -> list[str]:

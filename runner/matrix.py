@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from runner.document import Document, Path_, dotted, split, suggestion
-from runner.errors import Fault, InputError
+from runner.errors import Fault
 from runner.settings import canonical, leaves, value_at
 
 
@@ -57,21 +57,19 @@ def _matches(pattern: dict[str, Any], values: Values, parameters: dict[str, Any]
     )
 
 
-def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
-    """The matrix of the document. `parameters` are the resolved settings of the file itself: what is not there cannot vary.
-
-    Raises InputError, a line for each mistake.
-    """
+def parse(raw: dict[str, Any], settings: dict[str, Any], document: Document) -> tuple[Matrix, list[Fault]]:
+    """The matrix of the document, as far as it makes sense, and its mistakes. What is not in `settings` cannot vary."""
     faults: list[Fault] = []
+    varied: set[str] = set()
 
     def fault(path: Path_, reason: str) -> None:
         faults.append(Fault(document.place(path), dotted(path), reason))
 
     def known(key: Any, path: Path_) -> bool:
         try:
-            value_at(parameters, split(key))
-        except (KeyError, IndexError, TypeError, AttributeError):
-            fault(path, f"there is no setting '{key}'{suggestion(key, (name for name, _ in leaves(parameters)))}")
+            value_at(settings, split(key))
+        except (KeyError, IndexError, TypeError):
+            fault(path, f"there is no setting '{key}'{suggestion(key, (name for name, _ in leaves(settings)))}")
             return False
         return True
 
@@ -82,11 +80,14 @@ def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
             here = path + (key,)
             if not known(key, here):
                 continue
-            if not isinstance(values, list):
+            if canonical(key) in varied:
+                fault(here, "varies already")
+            elif not isinstance(values, list):
                 fault(here, "must be a list of values")
             elif not values:
                 fault(here, "must not be an empty list")
             else:
+                varied.add(canonical(key))
                 lists[canonical(key)] = [Setting(value, here + (index,)) for index, value in enumerate(values)]
         if len({len(values) for values in lists.values()}) > 1:
             counts = ", ".join(f"{key} has {len(values)}" for key, values in lists.items())
@@ -114,6 +115,4 @@ def parse(raw: Any, parameters: dict[str, Any], document: Document) -> Matrix:
         for entry, path in patterns("include")
         if all([known(key, path + (key,)) for key in entry])
     ]
-    if faults:
-        raise InputError(*faults)
-    return Matrix(tuple(axes), tuple(exclude), tuple(include))
+    return Matrix(tuple(axes), tuple(exclude), tuple(include)), faults

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,6 +19,8 @@ def digest(path: Path) -> str:
     """The SHA-256 of the file. Raises Invalid when it cannot be read."""
     try:
         state = path.stat()
+        if not stat.S_ISREG(state.st_mode):
+            raise Invalid("file", f"{path} is not a file")
         if state.st_size > LARGEST:
             raise Invalid("file", f"{path.name} is larger than {LARGEST // 10**9} GB")
         return _digest(path, state.st_size, state.st_mtime_ns)
@@ -42,7 +45,8 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
     import trimesh
 
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
+        with np.errstate(all="ignore"):
+            mesh = trimesh.load(path, force="mesh", process=False)
         vertices, corners = np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
     except Exception as error:  # trimesh's readers raise whatever their formats' parsers do
         reason = " ".join(str(error).split()) or type(error).__name__

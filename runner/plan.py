@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runner import store
@@ -47,4 +47,4 @@ def existing(folder: Path) -> Experiment:
     if not path.is_file():
         raise InputError(f"{folder}: not the output of a sweep, it has no {store.EXPERIMENT}")
     source = store.provenance(folder).get("source")
-    return check(Document(path, Path(source) if source else None))
+    return replace(check(Document(path, Path(source) if source else None)), name=folder.resolve().name)

@@ -1,13 +1,15 @@
-"""Worker processes: tasks go out, statuses come back, and none outlives the sweep."""
+"""Worker processes: tasks go out, statuses come back; a worker that dies costs the run that killed it and no other."""
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from itertools import islice
+from multiprocessing.context import SpawnContext, SpawnProcess
+from types import ModuleType
 
 from runner import worker
 from runner.errors import RunError
@@ -15,41 +17,97 @@ from runner.worker import Task
 
 AHEAD = 4  # tasks handed out per worker, so that none waits for the next
 
+Told = Callable[[Task, str], None]
 
-@contextmanager
-def workers(jobs: int) -> Iterator[Executor]:
-    """`jobs` fresh processes. However the block is left, they are gone after it."""
-    executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=worker.settle_in)
-    try:
-        yield executor
-        executor.shutdown()
-    except BaseException:
-        processes = list((executor._processes or {}).values())
-        executor.shutdown(wait=False, cancel_futures=True)
+
+class _Process(SpawnProcess):
+    """A process that does not run the caller's script again: a worker has no use for it, and a script seldom expects it."""
+
+    @staticmethod
+    def _Popen(process):
+        main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        try:
+            return SpawnProcess._Popen(process)
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Context(SpawnContext):
+    Process = _Process
+
+
+class Workers:
+    """`jobs` processes, for a `with` block; however that is left, they are gone after it."""
+
+    def __init__(self, jobs: int):
+        self.jobs = jobs
+
+    def __enter__(self) -> Workers:
+        self._start(self.jobs)
+        return self
+
+    def __exit__(self, kind, *_) -> None:
+        if kind is None:
+            self._executor.shutdown()
+        else:
+            self._end()
+
+    def carry_out(self, function: Callable[[Task], str], tasks: Iterable[Task], told: Told, lost: Told) -> None:
+        """Run `function` over the tasks; `told` hears of each with the status it returns, as they come.
+
+        When a worker dies, every task under way is suspect and is tried again alone; of one that kills its worker then, too,
+        `lost` hears, with how the worker died. Raises RunError when a run cannot be written.
+        """
+        todo, under_way = deque(tasks), {}
+        while todo or under_way:
+            try:
+                while todo and len(under_way) < AHEAD * self.jobs:
+                    under_way[self._executor.submit(function, todo[0])] = todo[0]
+                    todo.popleft()
+                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                    told(under_way[future], _status(under_way[future], future))
+                    del under_way[future]
+            except BrokenProcessPool:
+                self._end()
+                for task in under_way.values():
+                    self._try_alone(function, task, told, lost)
+                under_way = {}
+                self._start(self.jobs)
+
+    def _try_alone(self, function: Callable[[Task], str], task: Task, told: Told, lost: Told) -> None:
+        self._start(1)
+        try:
+            status = _status(task, self._executor.submit(function, task))
+        except BrokenProcessPool:
+            lost(task, self._end())
+        else:
+            self._executor.shutdown()
+            told(task, status)
+
+    def _start(self, jobs: int) -> None:
+        self._executor = ProcessPoolExecutor(jobs, _Context(), initializer=worker.settle_in)
+
+    def _end(self) -> str:
+        """End the processes at once; returns how the first that had died by itself did."""
+        processes = list((self._executor._processes or {}).values())
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        died = [process.exitcode for process in processes if process.exitcode]
         for process in processes:
             process.terminate()
         for process in processes:
             process.join()
-        raise
+        died += [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
+        return _cause(died[0] if died else None)
 
 
-def carry_out(
-    executor: Executor, jobs: int, function: Callable[[Task], str], tasks: list[Task], told: Callable[[Task, str], None]
-) -> None:
-    """Run `function` over the tasks and tell of each as it is done. Raises RunError when a worker dies or cannot write."""
-    todo, under_way = iter(tasks), {}
-    while True:
-        for task in islice(todo, AHEAD * jobs - len(under_way)):
-            under_way[executor.submit(function, task)] = task
-        if not under_way:
-            return
-        for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-            task = under_way.pop(future)
-            try:
-                told(task, future.result())
-            except BrokenProcessPool:
-                raise RunError(
-                    f"a worker process died while it made {task.run_id} or a run beside it; the same command goes on with the rest"
-                ) from None
-            except OSError as error:
-                raise RunError(f"cannot write {task.final}: {error.strerror or error}") from None
+def _status(task: Task, future: Future) -> str:
+    try:
+        return future.result()
+    except OSError as error:
+        raise RunError(f"cannot write {task.final}: {error.strerror or error}") from None
+
+
+def _cause(exitcode: int | None) -> str:
+    if exitcode is None:
+        return "its worker died"
+    return f"its worker died by {signal.Signals(-exitcode).name}" if exitcode < 0 else f"its worker exited with {exitcode}"

@@ -12,7 +12,16 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationInfo, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationInfo,
+    create_model,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from runner import meshfile, record
@@ -116,7 +125,12 @@ Shape = Annotated[
 ]
 Force = Annotated[Union[*(model_of(kind, {"type": name}) for name, kind in FIELDS.items())], Field(discriminator="type")]
 
-SceneModel = model_of(Scene, surfaces=dict[Name, Shape], forces=dict[Name, Force])
+# in the order of their names: another order would be the same run, and come out otherwise in the last digits
+by_name = AfterValidator(lambda things: dict(sorted(things.items())))
+
+SceneModel = model_of(
+    Scene, surfaces=Annotated[dict[Name, Shape], by_name], forces=Annotated[dict[Name, Force], by_name]
+)
 SolverModel = model_of(Solver, method=Literal[*integrators.names()], contact=Literal["swept", "original"])
 
 

@@ -24,8 +24,8 @@ def with_value(parameters: Any, path: Path_, value: Any) -> Any:
     """A copy of `parameters` with `value` at `path`; what it shares with the original is not copied."""
     if not path:
         return value
-    copy = list(parameters) if isinstance(parameters, list) else dict(parameters or {})
-    inner = parameters[path[0]] if isinstance(parameters, list) else (parameters or {}).get(path[0])
+    copy = list(parameters) if isinstance(parameters, list) else dict(parameters) if isinstance(parameters, dict) else {}
+    inner = copy[path[0]] if isinstance(copy, list) else copy.get(path[0])
     copy[path[0]] = with_value(inner, path[1:], value)
     return copy
 

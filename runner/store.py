@@ -23,7 +23,7 @@ def done(folder: Path) -> set[str]:
     """The ids of all runs that are done, whatever came of them: those whose folder has its final name."""
     try:
         return {entry.name for entry in os.scandir(folder / RUNS) if not entry.name.startswith(".")}
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return set()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -70,7 +70,7 @@ def carry_out(
     start = datetime.now(timezone.utc).isoformat(timespec="seconds")
     source = work.experiment.document.folder
     try:
-        work.folder.mkdir(parents=True, exist_ok=True)
+        (work.folder / store.RUNS).mkdir(parents=True, exist_ok=True)
         store.write_text(work.folder / store.EXPERIMENT, work.experiment.document.text())
         store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
     except OSError as error:
@@ -94,12 +94,13 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             if fail_fast and status in ("failed", "crashed", "timeout"):
                 raise Stopped(task.run_id)
 
-        with pool.workers(jobs) as executor:
+        with pool.Workers(jobs) as workers:
             kernels = list({kernel_key(run): task for run, task in zip(work.todo, tasks)}.values())
             progress.compiling(len(kernels))
-            pool.carry_out(executor, jobs, worker.compile_kernel, kernels, lambda task, status: None)
+            # a kernel that cannot be compiled is told by the runs that need it
+            workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
             progress.running(len(tasks))
-            pool.carry_out(executor, jobs, worker.perform, tasks, told)
+            workers.carry_out(worker.perform, tasks, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
 
 
 def kernel_key(run: Run) -> tuple[str, int]:
@@ -113,7 +114,7 @@ def kernel_key(run: Run) -> tuple[str, int]:
 
 def finish(work: Plan) -> pyarrow.Table:
     """Write the summary of all runs in the folder and draw the charts; the summary."""
-    table = aggregate.summarise(work.folder, work.experiment.matrix.keys)
+    table = aggregate.summarise(work.folder, work.experiment.columns)
     if work.experiment.charts:
         try:
             chart.render(list(work.experiment.charts), table, work.folder, machine.footer())
@@ -127,9 +128,10 @@ def is_finished(work: Plan) -> bool:
     try:
         same = (work.folder / store.EXPERIMENT).read_text(encoding="utf-8") == work.experiment.document.text()
         charts = len(os.listdir(work.folder / chart.FOLDER)) if work.experiment.charts else 0
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
-    summarised = work.folder / f"{store.SUMMARY}.csv"
-    # written last: a sweep that was stopped before has an older one, or none
-    fresh = summarised.exists() and summarised.stat().st_mtime >= (work.folder / store.RUNS).stat().st_mtime
-    return not work.todo and same and fresh and charts >= len(work.experiment.charts)
+    summaries = [work.folder / f"{store.SUMMARY}.{suffix}" for suffix in ("parquet", "csv")]
+    # written last: a sweep that was stopped before has older ones, or none
+    made = (work.folder / store.RUNS).stat().st_mtime
+    fresh = all(path.exists() and path.stat().st_mtime >= made for path in summaries)
+    return not work.todo and same and fresh and charts >= 2 * len(work.experiment.charts)  # PNG and SVG

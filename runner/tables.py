@@ -91,7 +91,8 @@ def print_rows(title: str, headings: list[str], rows: list[list[str]]) -> None:
         shown.add_column(heading, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         shown.add_row(*row)
-    Console(width=None if sys.stdout.isatty() else 200).print(shown)
+    # square brackets are text, not markup
+    Console(width=None if sys.stdout.isatty() else 200, markup=False).print(shown)
 
 
 def text(value: Any) -> str:

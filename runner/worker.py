@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import time
 import traceback
@@ -47,11 +48,10 @@ def perform(task: Task) -> str:
     from runner.config import resolve
     from runner.execute import run
 
-    made = task.aside / task.run_id
-    made.mkdir()
+    made = _empty_folder(task)
     clock, started = time.perf_counter(), datetime.now(timezone.utc).isoformat(timespec="milliseconds")
     deadline = None if task.timeout is None else time.monotonic() + task.timeout
-    report = {"run_id": task.run_id, "status": "failed", "error": None, "parameters": task.parameters, "figures": {}}
+    report = _report(task)
     try:
         result = run(resolve(task.parameters, task.source), lambda: deadline is not None and time.monotonic() > deadline)
         for name in result.parameters["record"]["formats"]:
@@ -65,6 +65,26 @@ def perform(task: Task) -> str:
     except Exception as error:
         report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
     report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
+    return _publish(task, made, report)
+
+
+def report_crash(task: Task, cause: str) -> str:
+    """Publish the run as crashed, from the parent: it killed its worker twice. Returns the status."""
+    return _publish(task, _empty_folder(task), _report(task) | {"status": "crashed", "error": cause})
+
+
+def _report(task: Task) -> dict[str, Any]:
+    return {"run_id": task.run_id, "status": "failed", "error": None, "parameters": task.parameters, "figures": {}}
+
+
+def _empty_folder(task: Task) -> Path:
+    made = task.aside / task.run_id
+    shutil.rmtree(made, ignore_errors=True)  # of a worker that died in it
+    made.mkdir()
+    return made
+
+
+def _publish(task: Task, made: Path, report: dict[str, Any]) -> str:
     (made / store.RUN).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     store.publish(made, task.final, task.replace)
     return report["status"]

@@ -11,12 +11,30 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.contact import MISS, count_crossed, first_hit
-from sim.forces import acceleration, driving
+from sim.forces import B, acceleration, driving
 from sim.geometry import height
 from sim.impact import energy_lost, rebound
 from sim.integrators.symplectic_euler import step  # bound to the method's own before it is compiled
 from sim.lanes import (
-    AGE, CROSSED, CROSSED1, CROSSES, END, H, LANES, LOST, LOST1, RELEASED, STEPS, TOUCHES, V, V1, WORK, WORK1, X, X1, lane,
+    AGE,
+    CROSSED,
+    CROSSED1,
+    CROSSES,
+    END,
+    LANES,
+    LOST,
+    LOST1,
+    RELEASED,
+    STEPS,
+    TOUCHES,
+    V1,
+    WORK,
+    WORK1,
+    X1,
+    H,
+    V,
+    X,
+    lane,
     put,
 )  # fmt: skip
 from sim.vector import axpy, dot, scale, sub
@@ -54,7 +72,7 @@ def advance(block, dt, body, forces, facets, tree, frame, record, bounces, budge
 
     Returns (next frame, rows of `bounces` filled, whether the last frame shows a diverged ball).
     """
-    s, rows = block.s, 0
+    s, rows = block.s, np.int64(0)  # typed: a literal 0 would have `attempt` compiled twice
     while frame < len(record.time):
         now = record.time[frame]
         slack = ROUNDING * now
@@ -112,12 +130,8 @@ def due(block, dt, now, slack):
 def pace(block, dt, everyone, now, slack):
     """A full step for the lanes that have one to take, none for the others."""
     s = block.s
-    if everyone:
-        s[H : H + block.count] = dt
-    else:
-        for i in range(block.count):
-            n = full_steps(limit(s, i, now), dt, slack)
-            s[H + i] = dt if s[STEPS + i] < n else 0.0
+    for i in range(block.count):
+        s[H + i] = dt if everyone or s[STEPS + i] < full_steps(limit(s, i, now), dt, slack) else 0.0
 
 
 def pace_rest(block, now, slack):
@@ -153,7 +167,7 @@ def attempt(block, body, forces, facets, tree, bounces, rows):
         put(s, V1, i, v1)
     for i in range(LANES):
         s[LOST1 + i], s[CROSSED1 + i] = 0.0, 0.0
-    if len(forces.selective) > 0 or np.any(forces.drive != 0.0):
+    if len(forces.selective) > 0 or dot(forces.drive, forces.drive) > 0.0 or forces.drive[B] > 0.0:
         add_work(s, body.mass, forces)
     mark_crosses(block, facets, tree)
     if len(facets.outline) == 0:
@@ -252,10 +266,12 @@ def add_work(s, mass, forces):
 def settle(block):
     """Make the scratch what steps of length zero lead to."""
     s = block.s
-    s[X1 : X1 + 3 * LANES], s[V1 : V1 + 3 * LANES] = s[X : X + 3 * LANES], s[V : V + 3 * LANES]
     for i in range(LANES):
+        put(s, X1, i, lane(s, X, i))
+        put(s, V1, i, lane(s, V, i))
         s[WORK1 + i], s[LOST1 + i], s[CROSSED1 + i] = 0.0, 0.0, 0.0
-    block.gap1[:] = block.gap
+    for k in range(len(block.gap)):
+        block.gap1[k] = block.gap[k]
 
 
 def commit(block):
@@ -278,7 +294,8 @@ def keep_committed(block, bounces, rows, tried):
     """Of the bounces in rows `rows` to `tried`, keep those of lanes that commit their step; returns the new end."""
     for row in range(rows, tried):
         if block.s[H + int(bounces[row, BALL]) - block.first] > 0.0:
-            bounces[rows] = bounces[row]
+            for column in range(COLUMNS):
+                bounces[rows, column] = bounces[row, column]
             rows += 1
     return rows
 

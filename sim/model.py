@@ -48,7 +48,7 @@ def check(self) -> None:
     """
     for name, kind in get_type_hints(type(self), include_extras=True).items():
         value = getattr(self, name)
-        if isinstance(value, (int, float, tuple)) and not np.all(np.isfinite(value)):
+        if isinstance(value, (int, float, tuple)) and not finite(value):
             raise Invalid(name, "must be finite")
         for limit in (limit for part in (kind, *get_args(kind)) for limit in getattr(part, "__metadata__", ())):
             for symbol, holds, bound in (
@@ -58,6 +58,14 @@ def check(self) -> None:
             ):
                 if bound is not None and value is not None and not np.all(holds(np.asarray(value), bound)):
                     raise Invalid(name, f"must be {symbol} {bound}")
+
+
+def finite(value: float | tuple) -> bool:
+    """Whether all numbers in `value` are finite; an integer too large for a float is not."""
+    try:
+        return bool(np.all(np.isfinite(np.asarray(value, float))))
+    except OverflowError:
+        return False
 
 
 def unit(self_field: str, vector: Vector) -> np.ndarray:

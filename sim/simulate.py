@@ -144,7 +144,8 @@ class Simulation:
             return np.concatenate([b.s.reshape(-1, lanes.LANES)[start // lanes.LANES :][:count, : b.count].T for b in blocks])
 
         at_release = total_energy(mass, balls.velocity, potential(balls.position))
-        at_end = total_energy(mass, rows(lanes.V, 3), potential(rows(lanes.X, 3)))
+        with np.errstate(all="ignore"):  # a ball that diverged may be anywhere by now
+            at_end = total_energy(mass, rows(lanes.V, 3), potential(rows(lanes.X, 3)))
         flew = np.clip(time[-1] - balls.released, 0, balls.lifetime)
         energy = ledger(
             time, balls.released, total_energy(mass, velocity, 0.0), potential(position), at_release, at_end, work, lost

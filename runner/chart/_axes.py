@@ -56,6 +56,9 @@ def set_scale(axes: Axes, which: str, values: Iterable[float], kind: str | None 
         ticks = [10.0**e for e in range(low, high + 1) if e % every == 0 and e - low + 1 >= every]
         axis.set_major_locator(FixedLocator([-tick for tick in reversed(ticks)] + [0] + ticks))
         axis.set_minor_locator(NullLocator())
+        if values.min() >= 0:  # matplotlib's margin would reach far below zero
+            room = 0.05 * (math.log10(sizes.max()) - low + 1)
+            getattr(axes, f"set_{which}lim")(-room * 10.0**low, sizes.max() * 10.0**room)
     elif every > 1:
         axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 2) if e % every == 0]))
         axis.set_minor_locator(NullLocator())

@@ -115,7 +115,7 @@ def _write_bounces(file: h5py.File, result: Result) -> None:
 def _write_parameters(file: h5py.File, result: Result) -> None:
     group = file.create_group("parameters")
     group["run_id"] = result.run_id
-    group["configuration"] = json.dumps(result.parameters)
+    group["configuration"] = json.dumps(result.parameters, sort_keys=True)
     group["versions"] = json.dumps(_versions())
 
 

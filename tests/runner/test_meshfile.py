@@ -1,0 +1,142 @@
+"""Mesh files by hand: what is read, where it is put, and what is refused."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runner import config, meshfile
+from sim.model import Invalid
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+#: A triangle with corners (0, 0, 0), (1, 0, 0), (0, 2, 0) in three formats; {} is a coordinate.
+TRIANGLE = {
+    "obj": "v 0 0 0\nv {} 0 0\nv 0 2 0\nf 1 2 3\n",
+    "off": "OFF\n3 1 0\n0 0 0\n{} 0 0\n0 2 0\n3 0 1 2\n",
+    "stl": "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex {} 0 0\nvertex 0 2 0\n"
+    "endloop\nendfacet\nendsolid s\n",
+}
+CORNERS = [[0, 0, 0], [1, 0, 0], [0, 2, 0]]
+
+NOT_MESHES = {
+    "nothing.obj": "",
+    "words.obj": "hello\n",
+    "points.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+    "beyond.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+    "beyond.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+    "broken.ply": "ply\nformat ascii 1.0\nend",
+    "letter.txt": "Dear mesh",
+    "none": "no ending",
+}
+
+
+def read(path, scale=1.0, translate=(0.0, 0.0, 0.0), rotate=(0.0, 0.0, 0.0)):
+    return meshfile.read(path, meshfile.digest(path), scale, translate, rotate)
+
+
+@pytest.mark.parametrize("kind", TRIANGLE)
+def test_formats_give_the_same_triangle(tmp_path, kind):
+    path = tmp_path / f"t.{kind}"
+    path.write_text(TRIANGLE[kind].format(1))
+    triangles = read(path)
+    assert triangles.vertices[triangles.corners].tolist() == [CORNERS]
+
+
+def test_scaled_then_turned_about_x_y_z_then_moved(tmp_path):
+    path = tmp_path / "t.obj"
+    path.write_text(TRIANGLE["obj"].format(1))
+    assert np.allclose(read(path, 3.0).vertices, 3 * np.array(CORNERS), rtol=1e-15)
+    # a quarter turn is exact but for the rounding of cos(90 degrees), 6e-17
+    for rotate, expected in {
+        (90.0, 0.0, 0.0): [[0, 0, 0], [1, 0, 0], [0, 0, 2]],
+        (0.0, 90.0, 0.0): [[0, 0, 0], [0, 0, -1], [0, 2, 0]],
+        (0.0, 0.0, 90.0): [[0, 0, 0], [0, 1, 0], [-2, 0, 0]],
+        (90.0, 90.0, 0.0): [[0, 0, 0], [0, 0, -1], [2, 0, 0]],  # about x first
+    }.items():
+        assert np.allclose(read(path, rotate=rotate).vertices, expected, atol=1e-15), rotate
+    moved = read(path, 2.0, (1.0, 2.0, 3.0), (0.0, 0.0, 90.0))
+    assert np.allclose(moved.vertices, [[1, 2, 3], [1, 4, 3], [-3, 2, 3]], atol=1e-15)
+
+
+@pytest.fixture
+def fault(here, carom, fall):
+    """The one fault that `carom check` tells of a file whose floor is the mesh `name`."""
+
+    def told(name: str) -> str:
+        Path("fall.yaml").write_text(fall.replace("{shape: plane}", f"{{shape: mesh, file: {name}}}"))
+        code, out, err = carom("check", "fall.yaml")
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        return err.strip()
+
+    return told
+
+
+PLACE = "fall.yaml:4:26: scene.surfaces.floor.file: "
+
+
+@pytest.mark.parametrize("kind", TRIANGLE)
+@pytest.mark.parametrize("number", ["nan", "inf"])
+def test_vertices_that_are_no_numbers_are_refused(fault, kind, number):
+    Path(f"t.{kind}").write_text(TRIANGLE[kind].format(number))
+    assert fault(f"t.{kind}") == f"{PLACE}t.{kind}: 1 of 3 vertices are not finite"
+
+
+@pytest.mark.parametrize("name", NOT_MESHES)
+def test_what_is_no_mesh_is_refused(fault, name):
+    Path(name).write_text(NOT_MESHES[name])
+    told = fault(name)
+    assert told.startswith(f"{PLACE}{name}") and (
+        "has no triangles" in told or "is not a mesh that can be read" in told
+    )
+
+
+def test_binary_that_is_no_mesh_is_refused(fault):
+    Path("b.stl").write_bytes(bytes(range(200)))
+    assert fault("b.stl").startswith(f"{PLACE}b.stl is not a mesh that can be read")
+
+
+def test_folders_and_pipes_are_no_files(fault):
+    os.mkdir("d.obj")
+    os.mkfifo("p.obj")  # opening it would wait for ever
+    for name in ("d.obj", "p.obj", "/dev/zero", '""'):
+        assert fault(name).startswith(PLACE) and fault(name).endswith("is not a file")
+
+
+def test_a_file_is_found_beside_the_experiment_wherever_one_calls_from(tmp_path, monkeypatch, fall):
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    (tmp_path / "a" / "t.obj").write_text(TRIANGLE["obj"].format(1))
+    (folder / "x.yaml").write_text(fall.replace("{shape: plane}", "{shape: mesh, file: ../t.obj}"))
+    monkeypatch.chdir("/")
+    found = config.load(folder / "x.yaml").base
+    assert found.setup.scene.build(found.folder).surfaces["floor"].vertices.tolist() == CORNERS
+    monkeypatch.chdir(folder)
+    assert config.load("x.yaml").base.run_id == found.run_id
+
+
+def test_another_content_under_the_same_name_is_another_run(here, fall):
+    Path("x.yaml").write_text(fall.replace("{shape: plane}", "{shape: mesh, file: t.obj}"))
+
+    def run_id(content):
+        Path("t.obj").write_text(content)
+        return config.load("x.yaml").base.run_id
+
+    first, other = run_id(TRIANGLE["obj"].format(1)), run_id(TRIANGLE["obj"].format(2))
+    assert first != other and first == run_id(TRIANGLE["obj"].format(1))
+
+
+def test_a_file_changed_since_the_plan_is_noticed(here, fall):
+    Path("x.yaml").write_text(fall.replace("{shape: plane}", "{shape: mesh, file: t.obj}"))
+    Path("t.obj").write_text(TRIANGLE["obj"].format(1))
+    run = config.load("x.yaml").base
+    assert config.resolve(run.parameters, run.folder).run_id == run.run_id
+    Path("t.obj").write_text(TRIANGLE["obj"].format(2))
+    with pytest.raises(ValueError, match="not the file that it was when the run was planned"):
+        config.resolve(run.parameters, run.folder)
+
+
+def test_the_digest_of_what_is_not_there():
+    with pytest.raises(Invalid, match="there is no file nowhere.obj"):
+        meshfile.digest(Path("nowhere.obj"))

@@ -1,0 +1,196 @@
+"""Worker processes: the same bytes however many there are, and none left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import pytest
+
+EIGHT = """\
+matrix:
+  solver.method: [explicit_euler, rk4_original]
+  balls.mass: [1, 2, 3, 4]
+"""
+MANY = 60
+#: Each run takes some 50 ms, so that a signal finds the sweep at work.
+LONG = f"""\
+# Does it stop when it is told to?
+scene: {{surfaces: {{room: {{shape: box, center: [0, 0, 0], size: [2, 2, 2], inside: true}}}}}}
+balls: {{scatter: {{count: 100, box: [[-0.9, -0.9, -0.9], [0.9, 0.9, 0.9]], max_speed: 5}}}}
+solver: {{method: explicit_euler, step: 1.0e-4, contact: original}}
+duration: 1
+record: {{formats: [hdf5], every: 0.1}}
+matrix: {{balls.scatter.seed: {list(range(MANY))}}}
+"""
+
+
+def trajectories(folder: Path) -> dict[str, bytes]:
+    return {path.parent.name: path.read_bytes() for path in folder.glob("outputs/*/runs/*/trajectory.h5")}
+
+
+def test_the_same_bytes_with_one_worker_with_two_and_again(tmp_path, carom_process, carom, inline, monkeypatch, fall):
+    found = []
+    for jobs, name in ((1, "a"), (2, "b")):
+        folder = tmp_path / name  # its own folder: where a sweep runs must not matter either
+        folder.mkdir()
+        (folder / "x.yaml").write_text(fall + EIGHT)
+        assert carom_process("sweep", "x.yaml", "--jobs", jobs, cwd=folder).code == 0
+        found.append(trajectories(folder))
+    monkeypatch.chdir(folder)
+    assert carom("sweep", "x.yaml", "--fresh").code == 0  # in this process
+    assert len(found[0]) == 8 and found[0] == found[1] == trajectories(folder)
+
+
+def test_two_sweeps_into_one_folder_at_once(tmp_path, fall):
+    (tmp_path / "x.yaml").write_text(fall + EIGHT)
+    both = [start(tmp_path, "x.yaml", "--jobs", "1") for _ in range(2)]
+    for each in both:
+        _, err = each.communicate(timeout=100)
+        assert each.returncode == 0, err
+    assert len(trajectories(tmp_path)) == 8 and left_behind(tmp_path) == []
+
+
+# Stopped from outside
+
+
+def start(folder, *arguments):
+    """A sweep that leads a process group of its own."""
+    command = [sys.executable, "-m", "runner", "sweep", *arguments]
+    return subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def processes() -> dict[int, tuple[int, str]]:
+    """Every process: its session and its start time, which tells it from a later one of the same number."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            with suppress(OSError):
+                state, _, _, session, *rest = (entry / "stat").read_text().rpartition(")")[2].split()
+                if state != "Z":
+                    found[int(entry.name)] = int(session), rest[15]
+    return found
+
+
+def members(session: int) -> set[int]:
+    return {pid for pid, (of, _) in processes().items() if of == session}
+
+
+def left_behind(folder: Path) -> list[str]:
+    return [path.name for path in folder.rglob(".*")]
+
+
+def until(condition, seconds=60):
+    """Wait until the condition holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.005)
+
+
+@pytest.fixture
+def at_work(tmp_path):
+    """A sweep under way, with two workers and some runs done; whatever is left of it is ended."""
+    (tmp_path / "long.yaml").write_text(LONG)
+    sweep = start(tmp_path, "long.yaml", "--jobs", "2")
+    try:
+        until(lambda: sweep.poll() is not None or len(trajectories(tmp_path)) >= 4)
+        assert sweep.poll() is None, sweep.communicate()
+        assert len(members(sweep.pid)) >= 3
+        yield sweep
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(sweep.pid, signal.SIGKILL)
+        sweep.communicate()
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "Ctrl-C twice", "SIGTERM"])
+def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_later(tmp_path, at_work, carom_process, way):
+    if way == "SIGTERM":
+        at_work.terminate()
+    else:
+        os.killpg(at_work.pid, signal.SIGINT)  # as a terminal does
+        if way == "Ctrl-C twice":
+            time.sleep(0.02)
+            with suppress(ProcessLookupError):
+                os.killpg(at_work.pid, signal.SIGINT)
+    out, err = at_work.communicate(timeout=20)
+    assert at_work.returncode == 130 and out == "" and "Traceback" not in err, err
+    until(
+        lambda: not members(at_work.pid), seconds=5
+    )  # the resource tracker of multiprocessing leaves when its pipe closes
+
+    done = trajectories(tmp_path)
+    assert 4 <= len(done) < MANY and left_behind(tmp_path) == []
+    assert f"interrupted: {len(done)} runs are kept" in err
+    for run_id in done:
+        folder = tmp_path / "outputs/long/runs" / run_id
+        assert json.loads((folder / "run.json").read_text())["status"] == "finished"
+        with h5py.File(folder / "trajectory.h5") as file:
+            assert len(file["particles/balls/position/value"]) == 11
+
+    if way == "Ctrl-C":
+        code, _, err = carom_process("sweep", "long.yaml", cwd=tmp_path)
+        assert code == 0 and f"{MANY} runs, {len(done)} done, {MANY - len(done)} to do" in err
+        finished = trajectories(tmp_path)
+        assert len(finished) == MANY and done.items() <= finished.items()
+
+
+@pytest.mark.slow  # each suspect gets a process of its own
+def test_a_worker_that_is_killed_costs_no_run(tmp_path, at_work):
+    workers = [pid for pid in members(at_work.pid) if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
+    assert len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    _, err = at_work.communicate(timeout=60)
+    assert at_work.returncode == 0 and "Traceback" not in err, err
+    until(lambda: not members(at_work.pid), seconds=5)
+    assert len(trajectories(tmp_path)) == MANY and left_behind(tmp_path) == []
+
+
+# Over many runs
+
+PERFORM = """\
+import json, os, sys
+from pathlib import Path
+from runner import config, worker
+
+def now():
+    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    return int(status["VmRSS"].split()[0]) / 1024, int(status["Threads"])
+
+experiment, aside, marks = config.load(sys.argv[1]), Path(sys.argv[2]), [int(a) for a in sys.argv[3:]]
+worker.settle_in()
+told = []
+for n, run in enumerate(experiment.runs(), 1):
+    task = worker.Task(run.run_id, run.parameters, Path(), aside, aside / "runs" / run.run_id, False, None)
+    assert worker.perform(task) == "finished"
+    if n in marks:
+        told.append(now())
+print(json.dumps(told))
+"""
+
+
+@pytest.mark.slow
+def test_memory_and_threads_stay_flat_over_many_runs(tmp_path, fall):
+    """rerun's streams, left open, would leak 2 threads and 0.5 MB a run: 1000 threads and 250 MB here.
+
+    A run holds some 10 kB here, so what is left after the first hundred is the allocator's: 10 MB, 20 kB a run.
+    """
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "x.yaml").write_text(
+        fall.replace("[hdf5]", "[hdf5, rrd]")
+        + f"matrix: {{balls.mass: {list(range(1, 121))}, solver.step: [0.01, 0.02, 0.04, 0.05, 0.1]}}\n"
+    )
+    command = [sys.executable, "-c", PERFORM, str(tmp_path / "x.yaml"), str(tmp_path), "100", "600"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    (early, threads_early), (late, threads_late) = json.loads(done.stdout)
+    assert threads_late == threads_early
+    assert late - early < 10, f"{early:.0f} MB after 100 runs, {late:.0f} MB after 600"

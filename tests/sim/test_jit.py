@@ -1,0 +1,104 @@
+"""Binding names in a call tree, and the code kept on disk."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim import advance, forces, integrators, jit, simulate
+
+ROOT = Path(simulate.__file__).parents[1]
+
+
+def python(code, root=ROOT, **environment):
+    environment = {**os.environ, "PYTHONPATH": str(root), **environment}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_bind_reaches_down_the_call_tree():
+    """`acceleration` does not know SELECTIVE, what it calls does."""
+    field = forces.Uniform(direction=(1, 0, 0), magnitude=3.0, until=1.0)
+    packed = forces.pack([field], (0.0, 0.0, 0.0), 1.0)
+    zero = (0.0, 0.0, 0.0)
+    for n in (0, 1):
+        bound = jit.bind(forces.acceleration, compiled=False, SELECTIVE=n)
+        assert bound(0.0, zero, zero, packed) == (3.0 * n, 0.0, 0.0)
+
+
+def test_bind_leaves_the_original_alone():
+    before = dict(advance.__dict__), dict(forces.__dict__)
+    for method in integrators.names():
+        jit.bind(advance.advance, compiled=False, step=integrators.load(method)[1], SELECTIVE=2)
+    assert (advance.__dict__, forces.__dict__) == before
+    assert forces.SELECTIVE == 0
+
+
+def test_equal_bindings_are_one_kernel():
+    names = integrators.names()
+    assert simulate.kernel(names[0], 0) is simulate.kernel(names[0], 0)
+    kernels = [simulate.kernel(name, n) for name in names for n in (0, 1, 2)]
+    assert len({kernel.__qualname__ for kernel in kernels}) == len(kernels)
+
+
+def test_what_a_name_does_not_reach_is_shared():
+    """The contact rule is compiled once for all methods."""
+    first, second = (simulate.kernel(name, n) for name, n in zip(integrators.names(), (0, 2)))
+    shared = [k.py_func.__globals__["attempt"].py_func.__globals__["first_hit"] for k in (first, second)]
+    assert shared[0] is shared[1]
+
+
+def test_plain_is_plain():
+    assert not hasattr(jit.bind(advance.advance, compiled=False, SELECTIVE=1), "py_func")
+
+
+KEPT = """
+from sim import forces, jit
+packed = forces.pack([forces.Uniform(direction=(1, 0, 0), magnitude=3.0, until=1.0)], (0.0, 0.0, 0.0), 1.0)
+zero = (0.0, 0.0, 0.0)
+for n in (0, 1):
+    kernel = jit.bind(forces.acceleration, SELECTIVE=n)
+    print(kernel(0.0, zero, zero, packed)[0], sum(kernel.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def copied(tmp_path):
+    shutil.copytree(ROOT / "sim", tmp_path / "tree/sim", ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path / "tree"
+
+
+def test_disk_serves_each_its_own_code_until_a_source_changes(tmp_path, copied):
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "3.0", "0"]
+    assert python(KEPT, copied, **cache).split() == ["0.0", "1", "3.0", "1"]
+    # in a callee's file: numba alone would not notice
+    source = copied / "sim/forces.py"
+    source.write_text(source.read_text().replace("on = 1.0 if acts", "on = 2.0 if acts"))
+    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "6.0", "0"]
+
+
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):
+    (tmp_path / "file").write_text("")
+    code = "from sim.jit import numba; print(numba().config.CACHE_DIR)"
+    folder = python(code, XDG_CACHE_HOME=str(tmp_path / "file"), TMPDIR=str(tmp_path))
+    assert folder.startswith(str(tmp_path / "carom-"))
+
+
+def test_no_fast_math():
+    """It would reorder sums and drop NaN checks."""
+    assert not simulate.kernel(integrators.names()[0], 0).targetoptions.get("fastmath", False)
+
+
+def test_division_by_zero_is_a_value():
+    """As in numpy: the slab test of the tree counts on it."""
+    low, high = np.array([[1.0, 0, 0]]), np.array([[1.0, 0, 0]])
+    from sim.tree import along, build
+
+    found = np.zeros(1, np.int64)
+    assert jit.bind(along)(build(low, high), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0), np.inf, found) == 1
