@@ -36,7 +36,8 @@ class Verdict(NamedTuple):
 def describe(expectation: Expectation) -> str:
     told = expectation.column
     if expectation.equals is not None:
-        told += f" = {expectation.equals}"
+        equals = expectation.equals
+        told += f" = {equals:.12g}" if isinstance(equals, float) else f" = {equals}"
     if expectation.min is not None:
         told = f"{expectation.min:.12g} <= {told}"
     if expectation.max is not None:

@@ -12,12 +12,15 @@ from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault
 
 TYPES = {
-    "int": "a whole number", "float": "a number", "string": "a text", "bool": "true or false", "tuple": "a list", "list": "a list",
+    "int": "a whole number", "float": "a number", "string": "a text", "bool": "true or false",
+    "tuple": "a list", "list": "a list",
     "dict": "a group of settings", "mapping": "a group of settings", "model": "a group of settings",
     "model_attributes": "a group of settings",
 }  # fmt: skip
 LATER = ("exact",)  # choices that are not built yet
-LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le"), "less_than": ("<", "lt")}
+LIMITS = {
+    "greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt"), "less_than_equal": ("<=", "le"),
+}  # fmt: skip
 
 
 def explain(

@@ -10,7 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-LIBRARIES = ("numpy", "numba", "trimesh", "h5py", "rerun-sdk", "pydantic", "ruamel.yaml", "pyarrow", "matplotlib", "typer", "rich")
+LIBRARIES = (
+    "numpy", "numba", "trimesh", "h5py", "rerun-sdk", "pydantic", "ruamel.yaml", "pyarrow", "matplotlib", "typer", "rich",
+)  # fmt: skip
 
 
 def versions() -> dict[str, str]:
@@ -37,8 +39,9 @@ def machine() -> dict[str, Any]:
 
 def footer() -> str:
     """A line for the foot of a chart."""
-    v = versions()
-    return f"carom {v['carom']}, numpy {v['numpy']}, numba {v['numba']}, Python {v['python']}; {_processor()}, {os.cpu_count()} cores"
+    known = versions()
+    told = ", ".join(f"{name} {known[name]}" for name in ("carom", "numpy", "numba", "python"))
+    return f"{told}; {_processor()}, {os.cpu_count()} cores"
 
 
 def provenance(source: Path, start: str, end: str | None) -> dict[str, Any]:

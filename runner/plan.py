@@ -22,7 +22,10 @@ class Plan:
 
 
 def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
-    """The plan of a sweep into `out`/<name>. Raises InputError for a matrix that is wrong, or larger than 100,000 without `yes`."""
+    """The plan of a sweep into `out`/<name>.
+
+    Raises InputError for a matrix that is wrong, or makes more than 100,000 runs without `yes`.
+    """
     size = experiment.matrix.size
     if size > MOST_RUNS and not yes:
         raise InputError(f"{experiment.document.path}: the matrix makes {size:,} runs; --yes starts more than {MOST_RUNS:,}")

@@ -117,7 +117,7 @@ def show_methods() -> None:
     for name in integrators.names():
         method, _, description = integrators.load(name)
         limit = f"{method.oscillator_limit:g}" if method.oscillator_limit else "none stable"
-        counts = [str(method.order), limit, f"{method.drag_limit:g}", str(method.evaluations), "yes" if method.symplectic else "no"]
-        rows.append([name, *counts, f"{' '.join(description.split())} [{method.reference}]"])
+        claims = [method.order, limit, f"{method.drag_limit:g}", method.evaluations, "yes" if method.symplectic else "no"]
+        rows.append([name, *map(str, claims), f"{' '.join(description.split())} [{method.reference}]"])
     headings = ["method", "order", "h omega limit", "h b limit", "evaluations/step", "symplectic", "what it is"]
     print_rows("Methods", headings, rows)

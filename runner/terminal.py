@@ -73,7 +73,7 @@ class Bar:
         self.bar.stop()
 
     def compiling(self, kernels: int) -> None:
-        self.task = self.bar.add_task(f"preparing {kernels} kernels", total=None, tally="compiled at their first use on a machine")
+        self.task = self.bar.add_task(f"preparing {kernels} kernels", total=None, tally="compiled at their first use")
 
     def running(self, runs: int) -> None:
         self.bar.reset(self.task, description="runs", total=runs, tally="")

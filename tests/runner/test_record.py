@@ -230,7 +230,7 @@ def test_rrd_is_valid_and_bears_the_run_id(result, tmp_path):
     assert (store.kind, store.application_id, store.recording_id) == ("recording", "carom", RUN_ID)
 
 
-def test_rrd_has_the_entities_of_the_contract(recording, result):
+def test_rrd_has_the_entities_of_a_recording(recording, result):
     assert recording["/"] == {
         "ViewCoordinates:xyz": [[[3, 1, 6]]],  # right, up, back
         "ViewCoordinates:xyz@frame": None,

@@ -62,7 +62,7 @@ def changed(before, after):
 # What a sweep leaves
 
 
-def test_the_folder_holds_what_the_contract_says_and_nothing_else(swept):
+def test_the_folder_holds_what_the_readme_says_and_nothing_else(swept):
     folder = swept / "outputs" / "tiny"
     ids = {run.run_id for run in plan.existing(folder).runs()}
     assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == {
@@ -85,7 +85,7 @@ def test_run_json_tells_all_of_a_run(swept):
         assert report["timings"]["wall_seconds"] > report["figures"]["sim_seconds"]
 
 
-def test_the_summary_has_a_row_per_run_and_the_columns_of_the_contract(swept):
+def test_the_summary_has_a_row_per_run_and_all_columns(swept):
     folder = swept / "outputs" / "tiny"
     table = pq.read_table(folder / "summary.parquet")
     fixed = """run_id status error solver.method balls.mass method contact step balls steps bounces bounces_per_ball_max
