@@ -152,8 +152,8 @@ def view(
         blueprint = Path(scratch) / "carom.rbl"
         viewer.write_blueprint(blueprint)
         # CI=1 keeps the viewer from sending usage figures home
-        command = viewer.viewer_command(recordings, blueprint)
-        raise typer.Exit(subprocess.run(command, env=os.environ | {"CI": "1"}).returncode)
+        environment = {"RUST_LOG": "error"} | os.environ | {"CI": "1"}
+        raise typer.Exit(subprocess.run(viewer.viewer_command(recordings, blueprint), env=environment).returncode)
 
 
 @app.command()
