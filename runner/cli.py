@@ -157,6 +157,23 @@ def view(
 
 
 @app.command()
+def compare(
+    one: Annotated[Path, typer.Argument(metavar="DIR_A", help="The output folder of a sweep.")],
+    other: Annotated[Path, typer.Argument(metavar="DIR_B", help="Another, of the same runs.")],
+    rtol: Annotated[float, typer.Option(min=0, metavar="R", help="Relative difference that is none.")] = 0.0,
+) -> None:
+    """Compare two outputs run by run; exit 1 if any differ."""
+    from runner import comparison
+
+    found = list(comparison.differences(one, other, rtol))
+    for line in found:
+        print(line)
+    if found:
+        raise typer.Exit(1)
+    print("no differences")
+
+
+@app.command()
 def explain(file: File, set_: Overrides = None) -> None:
     """What will be modelled, and what was dropped and why."""
     from runner import explanation

@@ -31,3 +31,4 @@ FIGURES = {
 COLUMNS = ["run_id", "status", "error", *FIGURES, "wall_seconds", "started"]
 TEXTS = {"run_id", "status", "error", "method", "contact", "started"}
 WHOLE = {"balls", "steps", "bounces", "bounces_per_ball_max", "rest_count", "penetrations", "surfaces_hit"}
+TIMED = {"sim_seconds", "ball_steps_per_second", "ns_per_ball_second"}  # another at each run

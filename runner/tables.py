@@ -40,7 +40,7 @@ def show(folder: Path, by: list[str] | None, csv: bool) -> None:
             raise InputError(f"--by {name}: no such column{suggestion(name, table.column_names)}")
     keys = experiment.matrix.keys
     if by is None and not csv and table.num_rows > MOST_ROWS:
-        by = keys[:2] or ["method"]
+        by = next((few for few in (keys[:2], keys[:1]) if few and _groups(table, few) <= MOST_ROWS), ["method"])
     rows = grouped(table, by) if by else table
     if csv:
         import pyarrow.csv
@@ -68,6 +68,10 @@ def grouped(table: pyarrow.Table, by: list[str]) -> pyarrow.Table:
     names = {f"{column}_{how}": heading for heading, (column, how) in aims.items()}
     result = result.rename_columns([names.get(name, name) for name in result.column_names])
     return result.select(by + list(aims)).sort_by([(name, "ascending") for name in by])
+
+
+def _groups(table: pyarrow.Table, by: list[str]) -> int:
+    return table.group_by(by).aggregate([]).num_rows
 
 
 def _figures(headings: dict[str, tuple[str, str]]) -> list[str]:

@@ -165,7 +165,7 @@ scene:
     hills: {shape: heightfield, size: [1, 1], cells: [2, 3], height: "0.1*x"}
   restitution: 0.5
   forces:
-    wind: {type: uniform, direction: [0, 0, 1], magnitude: 20, region: {x: [-0.5, 0.5]}, until: 0.5}
+    wind: {type: uniform, direction: [0, 0, 1], magnitude: 20, region: {x: [-0.5, 0.5], y: [-1, 4]}, until: 0.5}
     air: {type: drag, coefficient: 0.1}
     well: {type: spring, stiffness: 3, center: [0, 1, 0]}
 balls:
@@ -175,7 +175,7 @@ duration: 2
 record: {every: 0.1, formats: [hdf5]}
 repeats: 2
 """
-PINNED = "explicit_euler-m1-d0.05-5cda0456880c"
+PINNED = "explicit_euler-m1-d0.05-f6f5fa20bc22"
 
 
 def load(text, folder=Path(), name="x.yaml", **overrides):

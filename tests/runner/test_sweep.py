@@ -320,6 +320,12 @@ def test_the_summary_as_a_table_and_as_text(again, carom):
     )
 
 
+@pytest.mark.parametrize(("most", "heading"), [(4, "4 runs"), (3, "4 runs by solver.method"), (1, "4 runs by method")])
+def test_a_long_summary_is_grouped_unasked_until_it_is_short(again, carom, monkeypatch, most, heading):
+    monkeypatch.setattr("runner.tables.MOST_ROWS", most)
+    assert carom("summary", "outputs/tiny").out.splitlines()[0].strip() == f"tiny: {heading}"
+
+
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
