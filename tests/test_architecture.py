@@ -79,5 +79,5 @@ def test_sim_imports_each_other_one_way():
 def test_importing_the_simulator_is_cheap(module):
     code = f"import sim.simulate, sys; print({module!r} in sys.modules)"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
-    assert out.strip() == "False"
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout == "False\n"

@@ -16,8 +16,8 @@ def balls(position, velocity, released=0.0, mass=1.0, radius=0.06, lifetime=15.0
     position, velocity = (np.atleast_2d(np.asarray(a, float)) for a in (position, velocity))
     released = np.atleast_1d(np.asarray(released, float))
     n = max(len(position), len(velocity), len(released))
-    released, position, velocity = (np.array(np.broadcast_to(a, (n, *a.shape[1:]))) for a in (released, position, velocity))
-    return Balls(mass, radius, lifetime, released, position, velocity)
+    each = (np.array(np.broadcast_to(a, (n, *a.shape[1:]))) for a in (released, position, velocity))
+    return Balls(mass, radius, lifetime, *each)
 
 
 def simulation(scene, balls, method="rk4_original", step=0.01, duration=1.0, every=None) -> Simulation:

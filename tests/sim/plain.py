@@ -66,7 +66,8 @@ class Walls:
         self.planes, soup, self.two_sided, self.surface = [], [], [], []
         for number, shape in enumerate(scene.surfaces.values()):
             if isinstance(shape, shapes.Plane):
-                self.planes.append((np.array(shape.point), np.array(shape.normal) / np.linalg.norm(shape.normal), number))
+                normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+                self.planes.append((np.array(shape.point), normal, number))
                 continue
             vertices, triangles = shape.mesh()
             soup.append(vertices[triangles])
@@ -118,7 +119,7 @@ class Walls:
 
 
 class Flight:
-    """Ball number i of `balls`: its states at `times` (NaN where it is not alive), its impacts, the facets it passed."""
+    """Ball i of `balls`: its states at `times` (NaN where it is not alive), its impacts, the facets it passed."""
 
     def __init__(self, scene, balls, i, method, h, times):
         self.a, self.step, self.walls = acceleration(scene, balls.mass), METHODS[method], Walls(scene)

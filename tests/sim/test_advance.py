@@ -103,7 +103,7 @@ def test_a_ball_that_waits_at_a_wall_bounces_once():
 
 
 def test_a_frame_does_not_show_the_bounce_of_the_next_step():
-    """The second ball is released at the wall, moving in, just at a frame for which the first makes a part of a step."""
+    """The second ball is released at the wall, moving in, at a frame for which the first makes a part of a step."""
     scene = Scene(gravity=FREE, surfaces={"floor": Plane()}, restitution=0.5)
     start = balls([(0, 5, 0), (0, 0.25, 0)], [(0, 0, 0), (0, -1, 0)], released=[0.0625, 0.5], radius=0.25)
     flight = fly(scene, start, "explicit_euler", step=0.125, duration=1.0, every=0.5)

@@ -60,7 +60,7 @@ def test_many_bounces(method, many):
 
 
 def test_a_hit_in_numbers():
-    """From 2 m above a floor at -3 m/s, r = 0.5: after 1.5 m, at 0.5 s of the step of 1 s, and up for the other half."""
+    """From 2 m above a floor at -3 m/s, r = 0.5: after 1.5 m, at half of the step of 1 s, and up for the other half."""
     scene = Scene(gravity=(0, -2, 0), surfaces=FLOOR, restitution=0.5, damping=0.25)
     flight = fly(scene, balls((0, 2, 0), (4, -3, 0), mass=2.0, radius=0.5), step=1.0, duration=1.0)
     (hit,) = flight.bounces
@@ -87,7 +87,7 @@ def test_the_leak():
 
 @pytest.mark.parametrize("length, hits", [(22.1, 1), (21.9, 0)])
 def test_shallow_ray(length, hits):
-    """At 1 : 100 the moved facet is met after 1 m, but it counts only where the centre's ray meets the real one: at 11 m."""
+    """At 1 : 100 the moved facet is met after 1 m, but counts only if the centre's ray meets the real one, at 11 m."""
     scene = Scene(gravity=FREE, surfaces={"floor": Rectangle(center=FREE, normal=(0, 1, 0), size=(length, 2))})
     flight = fly(scene, balls((0, 0.11, 0), (1, -0.01, 0), radius=0.1), step=2.0, duration=2.0)
     assert len(flight.bounces) == hits
@@ -103,7 +103,8 @@ def test_the_centre_decides_not_the_sphere():
 
 
 def test_two_sided_from_both_sides():
-    scene = Scene(gravity=FREE, surfaces={"wall": Rectangle(center=FREE, normal=(1, 0, 0), size=(2, 2))}, restitution=1.0)
+    wall = Rectangle(center=FREE, normal=(1, 0, 0), size=(2, 2))
+    scene = Scene(gravity=FREE, surfaces={"wall": wall}, restitution=1.0)
     flight = fly(scene, balls([(1, 0, 0), (-1, 0, 0)], [(-2, 0, 0), (2, 0, 0)], radius=0.5), step=0.5, duration=0.5)
     assert np.array_equal(flight.bounces["time"], [0.25, 0.25])
     assert np.array_equal(flight.bounces["normal"], [(1, 0, 0), (-1, 0, 0)])
@@ -116,7 +117,8 @@ def test_two_sided_from_both_sides():
 )
 def test_one_sided_from_behind_is_no_hit(shape):
     """Up through y = 1, from the solid side."""
-    flight = fly(Scene(gravity=FREE, surfaces={"it": shape}), balls(FREE, (0, 1, 0), radius=0.1), duration=1.5, step=0.5)
+    scene = Scene(gravity=FREE, surfaces={"it": shape})
+    flight = fly(scene, balls(FREE, (0, 1, 0), radius=0.1), duration=1.5, step=0.5)
     assert len(flight.bounces) == 0 and flight.penetrations == 0
     assert flight.trajectory.position[-1, 0, 1] == 1.5
 

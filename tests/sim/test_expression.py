@@ -28,10 +28,10 @@ HOSTILE = [
     "__import__('os')", "__import__('os').system('true')", "x.real", "x.__class__", "().__class__", "x[0]", "x < 1",
     "x == z", "lambda: 1", "(lambda: x)()", "'a'", "'a' * 9", "f'{x}'", "b'a'", "[1, 2]", "(1, 2)", "{1: 2}", "{1}",
     "[i for i in x]", "(i for i in x)", "(y := 1)", "y = 1", "x; z", "import os", "x if z else 1", "x and z", "not x",
-    "x // 2", "x % 2", "x @ z", "x << 1", "~x", "x | 1", "sin(x=1)", "sin(*x)", "sin(**x)", "sin()", "sin(x, z)", "min(x)",
-    "min(x, z, 1)", "sin", "sin + 1", "pi(x)", "x(1)", "x x", "2x", "", " ", "#", "y", "eval", "print(x)", "open('a')",
-    "sin(x)(z)", "True", "None", "...", "1j", "await x", "yield x", "*x", "\0", "x\nz", "(" * 300 + "1" + ")" * 300,
-    "x" + " + x" * 250, "1" + "0" * 400, "abs(" * 200 + "x" + ")" * 200,
+    "x // 2", "x % 2", "x @ z", "x << 1", "~x", "x | 1", "sin(x=1)", "sin(x, y=1)", "sin(*x)", "sin(**x)", "sin()",
+    "sin(x, z)", "min(x)", "min(x, z, 1)", "sin", "sin + 1", "pi(x)", "x(1)", "x x", "2x", "", " ", "#", "y", "eval",
+    "print(x)", "open('a')", "sin(x)(z)", "True", "None", "...", "1j", "await x", "yield x", "*x", "\0", "x\nz",
+    "(" * 300 + "1" + ")" * 300, "x" + " + x" * 250, "1" + "0" * 400, "abs(" * 200 + "x" + ")" * 200,
 ]  # fmt: skip
 
 

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sim import advance, forces, integrators, jit, simulate
@@ -93,12 +92,3 @@ def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):
 def test_no_fast_math():
     """It would reorder sums and drop NaN checks."""
     assert not simulate.kernel(integrators.names()[0], 0).targetoptions.get("fastmath", False)
-
-
-def test_division_by_zero_is_a_value():
-    """As in numpy: the slab test of the tree counts on it."""
-    low, high = np.array([[1.0, 0, 0]]), np.array([[1.0, 0, 0]])
-    from sim.tree import along, build
-
-    found = np.zeros(1, np.int64)
-    assert jit.bind(along)(build(low, high), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0), np.inf, found) == 1

@@ -23,7 +23,7 @@ def uniform(sample, low, high):
 
 
 def independent(a, b):
-    """Whether the correlation of two samples is within what 999 in 1000 independent ones have (3.3 standard deviations)."""
+    """Whether the correlation of two samples is within 3.3 standard deviations, as of 999 in 1000 independent ones."""
     return abs(np.corrcoef(a, b)[0, 1]) < 3.3 / np.sqrt(len(a))
 
 

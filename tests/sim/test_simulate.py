@@ -165,7 +165,8 @@ def test_bounces_are_in_order():
 
 
 def test_surfaces_are_numbered_in_their_order():
-    scene = Scene(gravity=FREE, surfaces={"low": Plane(), "high": Plane(point=(0, 9, 0), normal=(0, -1, 0))}, restitution=1)
+    surfaces = {"low": Plane(), "high": Plane(point=(0, 9, 0), normal=(0, -1, 0))}
+    scene = Scene(gravity=FREE, surfaces=surfaces, restitution=1)
     bounces = fly(scene, balls((0, 5, 0), (0, -10, 0)), step=0.1, duration=2.0).bounces
     assert list(bounces["surface"]) == [0, 1]
 

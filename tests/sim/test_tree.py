@@ -39,8 +39,8 @@ def brute(low, high, x, direction, reach):
     with np.errstate(all="ignore"):
         a, b = (low - x) / direction, (high - x) / direction
     still = direction == 0
-    a, b = np.where(still, np.where(low <= x, -np.inf, np.inf), a), np.where(still, np.where(x <= high, np.inf, -np.inf), b)
-    near, far = np.minimum(a, b), np.maximum(a, b)
+    near = np.where(still, -np.inf, np.minimum(a, b))
+    far = np.where(still, np.inf, np.maximum(a, b))
     outside = (still & ((x < low) | (x > high))).any(axis=1)
     return set(np.flatnonzero(~outside & (np.maximum(near.max(axis=1), 0) <= np.minimum(far.min(axis=1), reach))))
 
