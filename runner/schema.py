@@ -48,7 +48,7 @@ class Built(Model):
         return self
 
     def build(self, folder: Path) -> Any:
-        raise NotImplementedError
+        """The dataclass with these values; file names in it are relative to `folder`. `model_of` puts each model's own here."""
 
 
 def attempt(build) -> Any:
