@@ -154,6 +154,8 @@ class Triangles:
     def __post_init__(self) -> None:
         if len(self.corners) == 0:
             raise Invalid("mesh", "has no triangles")
+        if self.corners.min() < 0 or self.corners.max() >= len(self.vertices):
+            raise Invalid("mesh", f"a triangle has a corner that is none of the {len(self.vertices)} vertices")
         if not np.isfinite(self.vertices).all():
             bad = int(np.sum(~np.isfinite(self.vertices).all(axis=1)))
             raise Invalid("mesh", f"{bad} of {len(self.vertices)} vertices are not finite")

@@ -114,11 +114,16 @@ def test_the_bounce_at_the_very_end_is_listed():
     """Its time may round to after the end, and its loss is in the ledger all the same."""
     scene = Scene(gravity=FREE, surfaces={"floor": Plane()}, restitution=0.5)
     speed = np.random.default_rng(0).uniform(0.1, 3, 640)
-    fall = balls(np.outer(0.25 + 1.1 * speed, (0, 1, 0)), np.outer(-speed, (0, 1, 0)), radius=0.25)
-    flight = fly(scene, fall, "explicit_euler", step=0.1, duration=1.1)
-    assert 100 < len(flight.bounces) < 640  # rounding decides for each ball
-    # rounding of a sum of 640
-    assert flight.bounces["energy_lost"].sum() == pytest.approx(flight.energy.lost[-1], rel=1e-12)
+    latest = 0.0
+    for step, n in ((0.1, 11), (0.1, 13), (0.03, 10), (0.01, 6)):
+        way = 0.25 + n * step * speed
+        fall = balls(np.outer(way, (0, 1, 0)), np.outer(-speed, (0, 1, 0)), radius=0.25)
+        flight = fly(scene, fall, "explicit_euler", step=step, duration=n * step)
+        assert 100 < len(flight.bounces) < 640  # rounding decides for each ball
+        # rounding of a sum of 640
+        assert flight.bounces["energy_lost"].sum() == pytest.approx(flight.energy.lost[-1], rel=1e-12)
+        latest = max(latest, flight.bounces["time"].max() - n * step)
+    assert 0 < latest < 1e-15
 
 
 def test_a_spring_at_its_centre_does_nothing():

@@ -15,6 +15,13 @@ FLOOR = {"floor": Plane()}
 ROUNDING = 1e-12
 
 
+@pytest.fixture(params=["with a tree", "without"])
+def searched(request, monkeypatch):
+    """The facets searched by a tree although they are few, and looked at one by one."""
+    for module in (geometry, lanes):
+        monkeypatch.setattr(module, "FEW", 0 if request.param == "with a tree" else 32)
+
+
 def compare(scene, start, method, step, duration):
     """Hold a flight against the plain one: frames, impacts one by one, facets passed. Returns it."""
     flight = fly(scene, start, method, step=step, duration=duration)
@@ -59,7 +66,7 @@ def test_many_bounces(method, many):
     assert len(flight.bounces) > 50
 
 
-def test_a_hit_in_numbers():
+def test_a_hit_in_numbers(searched):
     """From 2 m above a floor at -3 m/s, r = 0.5: after 1.5 m, at half of the step of 1 s, and up for the other half."""
     scene = Scene(gravity=(0, -2, 0), surfaces=FLOOR, restitution=0.5, damping=0.25)
     flight = fly(scene, balls((0, 2, 0), (4, -3, 0), mass=2.0, radius=0.5), step=1.0, duration=1.0)
@@ -73,7 +80,7 @@ def test_a_hit_in_numbers():
     assert np.array_equal(flight.trajectory.velocity[1, 0], (3, 1.5 - 2, 0))
 
 
-def test_the_leak():
+def test_the_leak(searched):
     """Level flight 1 cm above contact: no ray meets the floor until gravity has taken the ball below r, and then none
     counts. In steps of 0.1 s it is at 0.061 m < r after one, at -0.086 m after two, and falls on."""
     flight = fly(Scene(surfaces=FLOOR), balls((0, 0.11, 0), (1, 0, 0), radius=0.1), step=0.1, duration=1.0)
@@ -86,7 +93,7 @@ def test_the_leak():
 
 
 @pytest.mark.parametrize("length, hits", [(22.1, 1), (21.9, 0)])
-def test_shallow_ray(length, hits):
+def test_shallow_ray(searched, length, hits):
     """At 1 : 100 the moved facet is met after 1 m, but counts only if the centre's ray meets the real one, at 11 m."""
     scene = Scene(gravity=FREE, surfaces={"floor": Rectangle(center=FREE, normal=(0, 1, 0), size=(length, 2))})
     flight = fly(scene, balls((0, 0.11, 0), (1, -0.01, 0), radius=0.1), step=2.0, duration=2.0)
@@ -95,14 +102,14 @@ def test_shallow_ray(length, hits):
     assert flight.bounces["time"] == pytest.approx([1.0] * hits, rel=1e-14)
 
 
-def test_the_centre_decides_not_the_sphere():
+def test_the_centre_decides_not_the_sphere(searched):
     """A ball that overlaps the edge passes if its centre does."""
     scene = Scene(gravity=FREE, surfaces={"floor": Rectangle(center=FREE, normal=(0, 1, 0), size=(2, 2))})
     flight = fly(scene, balls([(0.999, 1, 0), (1.001, 1, 0)], (0, -4, 0), radius=0.5), step=0.25, duration=0.5)
     assert list(flight.bounces["ball"]) == [0] and flight.penetrations == 0
 
 
-def test_two_sided_from_both_sides():
+def test_two_sided_from_both_sides(searched):
     wall = Rectangle(center=FREE, normal=(1, 0, 0), size=(2, 2))
     scene = Scene(gravity=FREE, surfaces={"wall": wall}, restitution=1.0)
     flight = fly(scene, balls([(1, 0, 0), (-1, 0, 0)], [(-2, 0, 0), (2, 0, 0)], radius=0.5), step=0.5, duration=0.5)
@@ -115,7 +122,7 @@ def test_two_sided_from_both_sides():
     "shape",
     [Plane(point=(0, 1, 0)), Box(center=(0, 0, 0), size=(4, 2, 4)), Box(center=(0, 2, 0), size=(4, 2, 4), inside=True)],
 )
-def test_one_sided_from_behind_is_no_hit(shape):
+def test_one_sided_from_behind_is_no_hit(searched, shape):
     """Up through y = 1, from the solid side."""
     scene = Scene(gravity=FREE, surfaces={"it": shape})
     flight = fly(scene, balls(FREE, (0, 1, 0), radius=0.1), duration=1.5, step=0.5)
@@ -123,12 +130,12 @@ def test_one_sided_from_behind_is_no_hit(shape):
     assert flight.trajectory.position[-1, 0, 1] == 1.5
 
 
-def test_moving_away_is_no_hit():
+def test_moving_away_is_no_hit(searched):
     flight = fly(Scene(gravity=FREE, surfaces=FLOOR), balls((0, 0.5, 0), (1, 1, 0), radius=0.5), step=0.5, duration=1.0)
     assert len(flight.bounces) == 0
 
 
-def test_hit_at_the_start_of_a_step():
+def test_hit_at_the_start_of_a_step(searched):
     """s = 0 is a hit: the whole step is flown with the velocity after it."""
     scene = Scene(gravity=FREE, surfaces=FLOOR, restitution=0.5)
     flight = fly(scene, balls((0, 0.5, 0), (0, -2, 0), radius=0.5), step=0.5, duration=1.0)
@@ -136,14 +143,14 @@ def test_hit_at_the_start_of_a_step():
     assert np.array_equal(flight.trajectory.position[:, 0, 1], (0.5, 1.0, 1.5))
 
 
-def test_a_hair_inside_is_no_hit():
+def test_a_hair_inside_is_no_hit(searched):
     scene = Scene(gravity=FREE, surfaces=FLOOR)
     flight = fly(scene, balls((0, np.nextafter(0.5, 0), 0), (0, -2, 0), radius=0.5), step=0.5, duration=1.0)
     assert len(flight.bounces) == 0 and flight.penetrations == 1
 
 
 @pytest.mark.parametrize("height, hits", [(1.5, 1), (np.nextafter(1.5, 2), 0)])
-def test_hit_at_the_end_of_a_step(height, hits):
+def test_hit_at_the_end_of_a_step(searched, height, hits):
     """s = |v| h is a hit, the next number is one only in the next step."""
     scene = Scene(gravity=FREE, surfaces=FLOOR, restitution=0.5)
     start = balls((0, height, 0), (0, -2, 0), radius=0.5)
@@ -153,12 +160,9 @@ def test_hit_at_the_end_of_a_step(height, hits):
     assert len(fly(scene, start, step=0.5, duration=1.0).bounces) == 1
 
 
-@pytest.mark.parametrize("few", [0, 32])  # with a tree, that has an order of its own, and without
 @pytest.mark.parametrize("order", [("floor", "wall"), ("wall", "floor")])
-def test_the_first_named_wins_a_tie(monkeypatch, order, few):
-    """Into the edge along the bisector: floor and wall are equally far."""
-    for module in (geometry, lanes):
-        monkeypatch.setattr(module, "FEW", few)
+def test_the_first_named_wins_a_tie(searched, order):
+    """Into the edge along the bisector: floor and wall are equally far, whatever the order of a tree."""
     both = {
         "floor": Rectangle(center=(2, 0, 0), normal=(0, 1, 0), size=(4, 4)),
         "wall": Rectangle(center=(0, 2, 0), normal=(1, 0, 0), size=(4, 4)),
@@ -203,13 +207,13 @@ def test_no_crack_at_any_grid_line():
     assert len(flight.bounces) == n and flight.penetrations == 0
 
 
-def test_a_ball_without_velocity_hits_nothing():
+def test_a_ball_without_velocity_hits_nothing(searched):
     flight = fly(Scene(gravity=FREE, surfaces=FLOOR), balls((0, 0.5, 0), FREE, radius=0.5), step=0.5, duration=1.0)
     assert len(flight.bounces) == 0
     assert np.array_equal(flight.trajectory.position[:, 0], [(0, 0.5, 0)] * 3)
 
 
-def test_penetrations_count_facets():
+def test_penetrations_count_facets(searched):
     """Through a wall of two sides and back by a spring: twice; through a one-sided plane only to its back."""
     wall = {"wall": Rectangle(center=FREE, normal=(0, 1, 0), size=(2, 2))}
     for surfaces, passed in ((wall, 2), (FLOOR, 1)):

@@ -57,12 +57,14 @@ def test_plain_is_plain():
 
 
 KEPT = """
-from sim import forces, jit
+from sim import forces, impact, jit
 packed = forces.pack([forces.Uniform(direction=(1, 0, 0), magnitude=3.0, until=1.0)], (0.0, 0.0, 0.0), 1.0)
 zero = (0.0, 0.0, 0.0)
 for n in (0, 1):
     kernel = jit.bind(forces.acceleration, SELECTIVE=n)
     print(kernel(0.0, zero, zero, packed)[0], sum(kernel.stats.cache_hits.values()))
+kernel = jit.bind(impact.rebound)
+print(kernel((0.0, -3.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.0)[1], sum(kernel.stats.cache_hits.values()))
 """
 
 
@@ -74,12 +76,12 @@ def copied(tmp_path):
 
 def test_disk_serves_each_its_own_code_until_a_source_changes(tmp_path, copied):
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "3.0", "0"]
-    assert python(KEPT, copied, **cache).split() == ["0.0", "1", "3.0", "1"]
-    # in a callee's file: numba alone would not notice
-    source = copied / "sim/forces.py"
-    source.write_text(source.read_text().replace("on = 1.0 if acts", "on = 2.0 if acts"))
-    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "6.0", "0"]
+    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "3.0", "0", "3.0", "0"]
+    assert python(KEPT, copied, **cache).split() == ["0.0", "1", "3.0", "1", "3.0", "1"]
+    # `rebound` calls it from another file: numba alone would not notice
+    source = copied / "sim/vector.py"
+    source.write_text(source.read_text().replace("return x[0] * y[0] +", "return 1.0 +"))
+    assert python(KEPT, copied, **cache).split() == ["0.0", "0", "3.0", "0", "2.0", "0"]
 
 
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):

@@ -42,10 +42,6 @@ def test_flight_is_the_formula(method, fields):
     assert largest_difference(flight, expected) < 1e-12
 
 
-def test_plain_methods_are_the_originals_four():
-    assert set(plain.METHODS) <= set(integrators.names())
-
-
 def error(method, h, fields):
     """RMS over the frames of the error in (x, v), against the closed form by eigenvalues of each axis' equation."""
     mass, duration, scene = 1.3, 2.0, Scene(forces=fields)

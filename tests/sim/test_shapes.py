@@ -173,6 +173,8 @@ def test_triangles_without_an_area_are_left_out():
         (lambda: Heightfield(size=(1, 1), cells=(1, 1), height="1" + "0" * 400), "height"),
         (lambda: Triangles(np.zeros((3, 3)), np.zeros((0, 3), int)), "mesh"),
         (lambda: Triangles(np.full((3, 3), np.nan), np.array([(0, 1, 2)])), "mesh"),
+        (lambda: Triangles(np.eye(3), np.array([(0, 1, 3)])), "mesh"),
+        (lambda: Triangles(np.eye(3), np.array([(0, 1, -1)])), "mesh"),
     ],
 )
 def test_invalid_shapes_say_which_parameter(make, field):

@@ -6,7 +6,7 @@ import pytest
 from sim import lanes, simulate
 from sim.forces import Spring
 from sim.model import Invalid
-from sim.shapes import Plane
+from sim.shapes import Box, Plane
 from sim.simulate import Scene, Simulation, Solver, frame_times
 from tests.sim.helpers import FREE, balls, fly, random_balls, room, simulation
 
@@ -19,7 +19,8 @@ STIFF = Scene(gravity=FREE, forces={"spring": Spring(stiffness=100.0)})  # h ome
         (1.0, 0.25, [0, 0.25, 0.5, 0.75, 1]),
         (1.0, 0.4, [0, 0.4, 0.8, 1]),
         (1.0, 5.0, [0, 1]),
-        (0.3, 0.1, [0, 0.1, 0.2, 0.3]),  # 0.1 * 3 is a little more than 0.3
+        (0.3, 0.1, [0, 0.1, 0.2, 0.3]),  # 3 * 0.1 is a little more than 0.3
+        (0.9, 0.3, [0, 0.3, 0.6, 0.9]),  # 3 * 0.3 is a little less than 0.9
         (0.7, 0.1, [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),  # 0.7 / 0.1 is a little less than 7
     ],
 )
@@ -119,7 +120,7 @@ def test_just_below_the_limit_is_no_divergence():
 def test_a_stopped_run_has_the_frames_that_all_balls_have(monkeypatch, asked):
     """Three blocks, looked at in turn; stopped at some question it has just the frames that are whole."""
     monkeypatch.setattr(simulate, "BUDGET", 10)
-    scene, start = room(many=False), random_balls(2, 130)
+    scene, start = room(many=False), random_balls(2, 130, released=0.0073 * np.arange(130))
     whole = fly(scene, start, step=0.01, duration=1.0, every=0.05)
     questions = []
 
@@ -130,8 +131,11 @@ def test_a_stopped_run_has_the_frames_that_all_balls_have(monkeypatch, asked):
     flight = simulation(scene, start, step=0.01, duration=1.0, every=0.05).run(stop)
     frames = len(flight.trajectory.time)
     assert flight.status == "timeout" and 1 <= frames < len(whole.trajectory.time)
-    assert np.array_equal(flight.trajectory.position, whole.trajectory.position[:frames])
+    assert np.array_equal(flight.trajectory.position, whole.trajectory.position[:frames], equal_nan=True)
     assert np.array_equal(flight.energy.residual, whole.energy.residual[:frames])
+    out = start.released <= flight.trajectory.time[-1]
+    brought = np.sum(start.velocity**2, axis=1) / 2 + 9.8 * start.position[:, 1]
+    assert flight.energy_initial == pytest.approx(brought[out].sum(), rel=1e-13)  # a sum of 130
     early = whole.bounces[whole.bounces["time"] <= flight.trajectory.time[-1]]
     assert np.array_equal(flight.bounces, early)
 
@@ -165,10 +169,11 @@ def test_bounces_are_in_order():
 
 
 def test_surfaces_are_numbered_in_their_order():
-    surfaces = {"low": Plane(), "high": Plane(point=(0, 9, 0), normal=(0, -1, 0))}
+    """However many facets each has."""
+    surfaces = {"block": Box(center=(0, 11, 0), size=(4, 4, 4)), "floor": Plane()}
     scene = Scene(gravity=FREE, surfaces=surfaces, restitution=1)
     bounces = fly(scene, balls((0, 5, 0), (0, -10, 0)), step=0.1, duration=2.0).bounces
-    assert list(bounces["surface"]) == [0, 1]
+    assert list(bounces["surface"]) == [1, 0]
 
 
 @pytest.mark.parametrize(
