@@ -13,6 +13,7 @@ from runner.settings import leaves
 if TYPE_CHECKING:
     import pyarrow
 
+
 def summarise(folder: Path, keys: list[str]) -> pyarrow.Table:
     """Build the table of all runs in the folder and write it as parquet and CSV.
 

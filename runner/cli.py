@@ -251,7 +251,8 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     from runner import expect, store, terminal
     from runner.plan import failed
 
-    reports = [store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in store.done(work.folder)]
+    finished = store.done(work.folder)
+    reports = [store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in finished]
     verdicts = expect.verdicts(work.experiment.expect, reports)
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]

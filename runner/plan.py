@@ -9,6 +9,7 @@ from runner import store
 from runner.config import Experiment, Run
 from runner.document import Document
 from runner.errors import InputError
+from runner.result import FAILURES
 
 MOST_RUNS = 100_000  # without being asked
 
@@ -38,8 +39,7 @@ def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: b
 
 
 def failed(report: dict) -> bool:
-    """Whether the run came to no result of its own; a diverged run did."""
-    return report["status"] in ("failed", "crashed", "timeout")
+    return report["status"] in FAILURES
 
 
 def existing(folder: Path) -> Experiment:

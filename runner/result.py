@@ -9,6 +9,9 @@ import numpy as np
 
 from sim.model import Balls, Energy, Mesh, Trajectory
 
+#: Statuses of a run that came to no result of its own; a diverged run did.
+FAILURES = ("failed", "crashed", "timeout")
+
 
 @dataclass(frozen=True)
 class Result:

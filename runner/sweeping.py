@@ -6,29 +6,22 @@ import os
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from runner import aggregate, chart, machine, pool, store, worker
 from runner.config import Run, load
 from runner.errors import InputError, RunError
 from runner.plan import Plan, plan
+from runner.result import FAILURES
 from runner.worker import Task
 
 if TYPE_CHECKING:
     import pyarrow
 
 
-class Progress(Protocol):
-    """Whoever shows how a sweep goes on."""
+class Progress:
+    """Hears how a sweep goes on; this one says nothing of it."""
 
-    def compiling(self, kernels: int) -> None: ...
-
-    def running(self, runs: int) -> None: ...
-
-    def done(self, run_id: str, status: str) -> None: ...
-
-
-class Silent:
     def compiling(self, kernels: int) -> None: ...
 
     def running(self, runs: int) -> None: ...
@@ -63,7 +56,7 @@ def carry_out(
     timeout: float | None = None,
     replace: bool = False,
     fail_fast: bool = False,
-    progress: Progress = Silent(),
+    progress: Progress = Progress(),
 ) -> None:
     """Make what is to do. Raises InputError when the folder cannot be written, RunError when a run cannot, Stopped at the first
     failure with `fail_fast`; whatever was finished stays."""
@@ -91,7 +84,7 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
 
         def told(task: Task, status: str) -> None:
             progress.done(task.run_id, status)
-            if fail_fast and status in ("failed", "crashed", "timeout"):
+            if fail_fast and status in FAILURES:
                 raise Stopped(task.run_id)
 
         with pool.Workers(jobs) as workers:

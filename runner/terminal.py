@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
+from contextlib import nullcontext
+
+from runner.result import FAILURES
+from runner.sweeping import Progress
 
 EVERY = 5.0  # s between lines in a log
 
@@ -12,11 +16,7 @@ EVERY = 5.0  # s between lines in a log
 def progress(quiet: bool):
     """A context manager that yields the Progress to use."""
     if quiet:
-        from contextlib import nullcontext
-
-        from runner.sweeping import Silent
-
-        return nullcontext(Silent())
+        return nullcontext(Progress())
     return Bar() if sys.stderr.isatty() else Lines()
 
 
@@ -24,7 +24,7 @@ def tally(statuses: Counter) -> str:
     return ", ".join(f"{count} {status}" for status, count in sorted(statuses.items())) or "nothing"
 
 
-class Lines:
+class Lines(Progress):
     """For a log: a line at the start, one every few seconds, one at the end, and one for each run that failed."""
 
     def __enter__(self) -> Lines:
@@ -43,7 +43,7 @@ class Lines:
 
     def done(self, run_id: str, status: str) -> None:
         self.statuses[status] += 1
-        if status not in ("finished", "rested", "diverged"):
+        if status in FAILURES:
             print(f"{run_id}: {status}", file=sys.stderr)
         if time.monotonic() - self.last > EVERY:
             self._say()
@@ -53,17 +53,17 @@ class Lines:
         print(f"{sum(self.statuses.values())} of {self.total} runs: {tally(self.statuses)}", file=sys.stderr, flush=True)
 
 
-class Bar:
+class Bar(Progress):
     """For a terminal."""
 
     def __enter__(self) -> Bar:
+        from rich import progress as p
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         self.statuses = Counter()
-        self.bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-            TextColumn("{task.fields[tally]}"), console=Console(stderr=True),
+        self.bar = p.Progress(
+            p.TextColumn("{task.description}"), p.BarColumn(), p.MofNCompleteColumn(), p.TimeElapsedColumn(),
+            p.TimeRemainingColumn(), p.TextColumn("{task.fields[tally]}"), console=Console(stderr=True),
         )  # fmt: skip
         self.bar.start()
         self.task = None
@@ -81,5 +81,5 @@ class Bar:
     def done(self, run_id: str, status: str) -> None:
         self.statuses[status] += 1
         self.bar.update(self.task, advance=1, tally=tally(self.statuses))
-        if status not in ("finished", "rested", "diverged"):
+        if status in FAILURES:
             self.bar.console.print(f"{run_id}: {status}")

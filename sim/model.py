@@ -68,11 +68,11 @@ def finite(value: float | tuple) -> bool:
         return False
 
 
-def unit(self_field: str, vector: Vector) -> np.ndarray:
-    """`vector` scaled to length 1. Raises Invalid naming `self_field` when it has no direction."""
+def unit(field: str, vector: Vector) -> np.ndarray:
+    """`vector` scaled to length 1. Raises Invalid naming `field` when it has no direction."""
     largest = np.max(np.abs(vector))
     if largest == 0:
-        raise Invalid(self_field, "must not be the zero vector")
+        raise Invalid(field, "must not be the zero vector")
     scaled = np.asarray(vector, float) / largest  # so that no square overflows or vanishes
     return scaled / np.linalg.norm(scaled)
 

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import io
-import os
 import pkgutil
 import re
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
-from runner.chart._names import meant
+from runner import store
 from runner.chart._table import Column
+from runner.document import suggestion
 
 if TYPE_CHECKING:
     import pyarrow
@@ -35,7 +35,7 @@ def kinds() -> list[str]:
 def kind_module(kind: str) -> ModuleType:
     """The module of a kind; its `Chart` holds the options. Raises ValueError for an unknown kind."""
     if kind not in kinds():
-        raise ValueError(f"kind: {kind!r} is none of {', '.join(kinds())}{meant(str(kind), kinds())}")
+        raise ValueError(f"kind: {kind!r} is none of {', '.join(kinds())}{suggestion(kind, kinds())}")
     return importlib.import_module(f"{__name__}.{kind}")
 
 
@@ -53,7 +53,7 @@ def parse(options: dict[str, Any]) -> Any:
     types = get_type_hints(chart)
     for name, value in options.items():
         if name not in fields:
-            raise ValueError(f"{name}: a chart of kind {kind} has no such option{meant(str(name), list(fields))}")
+            raise ValueError(f"{name}: a chart of kind {kind} has no such option{suggestion(name, fields)}")
         if not isinstance(value, types[name]):
             raise ValueError(f"{name}: {value!r} is of the wrong type")
     for name, field in fields.items():
@@ -107,9 +107,10 @@ def render(charts: list[dict[str, Any]], table: pyarrow.Table, folder: Path, foo
         with style.context(["default", STYLE]):
             sign(figure, footer)
             for suffix, metadata in {".png": {}, ".svg": {"Date": None}}.items():
-                content = io.BytesIO()
-                figure.savefig(content, format=suffix[1:], metadata=metadata)
-                written.append(_write(Path(folder) / FOLDER / (name + suffix), content.getvalue()))
+                path = Path(folder) / FOLDER / (name + suffix)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                store.write_with(path, partial(figure.savefig, format=suffix[1:], metadata=metadata))
+                written.append(path)
     return written
 
 
@@ -129,12 +130,3 @@ def _unique(stem: str, taken: set[str]) -> str:
         name = f"{stem}-{count}"
     taken.add(name.casefold())
     return name
-
-
-def _write(path: Path, content: bytes) -> Path:
-    """Write aside, then rename: whoever looks finds the old chart or the new one, whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_bytes(content)
-    os.replace(aside, path)
-    return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import Any
 
 #: The columns every summary has: words and unit.
@@ -131,9 +130,3 @@ def number_text(value: float, powers: bool = False) -> str:
     mantissa = mantissa.rstrip("0").rstrip(".").replace("-", "−")
     power = "10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return {"1": power, "−1": "−" + power}.get(mantissa, f"{mantissa}×{power}")
-
-
-def meant(name: str, known: list[str]) -> str:
-    """The end of an error about an unknown name: the known ones close to it, if any."""
-    matches = get_close_matches(name, known, n=3, cutoff=0.5)
-    return f" (did you mean {' or '.join(map(repr, matches))}?)" if matches else ""

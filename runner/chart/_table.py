@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
-from runner.chart._names import SUMMARY, meant, words
+from runner.chart._names import SUMMARY, words
+from runner.document import suggestion
 
 if TYPE_CHECKING:
     import pyarrow
@@ -22,7 +23,7 @@ MOST = 28  # lines or panels a reader can still tell apart: 7 colours x 4 dashes
 def column(table: pyarrow.Table, option: str, name: str) -> list[Any]:
     """The values of a column, None where empty, lists as text. Raises ValueError, naming `option`, if unknown."""
     if name not in table.column_names:
-        raise ValueError(f"{option}: the summary has no column {name!r}{meant(name, table.column_names)}")
+        raise ValueError(f"{option}: the summary has no column {name!r}{suggestion(name, table.column_names)}")
     values = table.column(name).to_pylist()
     return [None if v != v else str(v) if isinstance(v, (list, dict)) else v for v in values]
 
