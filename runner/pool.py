@@ -33,7 +33,15 @@ class _Process(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    Process = _Process
+    """Starts such processes, and keeps them: the executor forgets its own when one dies."""
+
+    def __init__(self):
+        super().__init__()
+        self.started: list[_Process] = []
+
+    def Process(self, *args, **kwargs) -> _Process:
+        self.started.append(_Process(*args, **kwargs))
+        return self.started[-1]
 
 
 class Workers:
@@ -85,18 +93,17 @@ class Workers:
             told(task, status)
 
     def _start(self, jobs: int) -> None:
-        self._executor = ProcessPoolExecutor(jobs, _Context(), initializer=worker.settle_in)
+        self._context = _Context()
+        self._executor = ProcessPoolExecutor(jobs, self._context, initializer=worker.settle_in)
 
     def _end(self) -> str:
-        """End the processes at once; returns how the first that had died by itself did."""
-        processes = list((self._executor._processes or {}).values())
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        died = [process.exitcode for process in processes if process.exitcode]
+        """End the processes at once; returns how one died that was not ended."""
+        processes = [process for process in self._context.started if process.pid is not None]
         for process in processes:
             process.terminate()
-        for process in processes:
-            process.join()
-        died += [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
+        # the executor's own thread reaps them: only after it do their exit codes hold
+        self._executor.shutdown(cancel_futures=True)
+        died = [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
         return _cause(died[0] if died else None)
 
 
