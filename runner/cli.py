@@ -183,6 +183,22 @@ def explain(file: File, set_: Overrides = None) -> None:
 
 
 @app.command()
+def bench(
+    json_: Annotated[Optional[Path], typer.Option("--json", metavar="FILE", help="Write the figures there, too.")] = None,
+) -> None:
+    """How fast the simulation is on this machine, on one core."""
+    import json
+
+    from runner import bench, machine, tables
+
+    found = list(bench.speeds())
+    tables.show_speeds(found)
+    if json_:
+        figures = {"machine": machine.machine(), "versions": machine.versions(), "speeds": [bench.record(each) for each in found]}
+        json_.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+@app.command()
 def methods() -> None:
     """Every method: order, stability limits, evaluations per step, reference."""
     from runner import tables
@@ -196,7 +212,7 @@ def check(file: File, set_: Overrides = None) -> None:
     from runner.plan import plan
 
     experiment = _load(file, set_)
-    print(f"{file}: ok, {len(plan(experiment, Path('outputs'), yes=True).runs)} runs")
+    print(f"{file}: ok, {len(plan(experiment, Path('outputs'), fresh=True, yes=True).runs)} runs")
 
 
 @app.command()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -31,6 +31,7 @@ class Run:
 
     setup: Setup
     folder: Path  # that file names in the setup are relative to
+    origins: Mapping[Path_, Path_] = field(default_factory=dict)  # path of a setting that varies -> where in the document
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
@@ -129,7 +130,7 @@ def _run(document: Document, values: Values) -> Run:
     for key, setting in values.items():
         data = with_value(data, split(key), setting.value)
     origins = {split(key): setting.origin for key, setting in values.items()}
-    return Run(_validate(Setup, data, document, origins), document.folder)
+    return Run(_validate(Setup, data, document, origins), document.folder, origins)
 
 
 def _validate(model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}) -> Any:

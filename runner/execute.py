@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from runner import reference, starts
 from runner.columns import FIGURES
 from runner.config import Experiment, Run
+from runner.errors import InputError
 from runner.result import Result
-from sim.simulate import Flight, Simulation
+from sim.simulate import EXACT, Flight, Simulation
 
 
 def prepare(run: Run) -> Simulation:
@@ -24,8 +26,15 @@ def prepare(run: Run) -> Simulation:
 
 
 def run(what: Run | Experiment, stop: Callable[[], bool] = lambda: False) -> Result:
-    """Simulate one run; of an experiment that of the file's own values. `stop` is asked now and then whether to give up."""
-    one = what.base if isinstance(what, Experiment) else what
+    """Simulate one run; of an experiment that of the file's own values. `stop` is asked now and then whether to give up.
+
+    Raises InputError, for a Run sim.model.Invalid, where a ball starts inside a surface.
+    """
+    one = what
+    if isinstance(what, Experiment):
+        one = what.base
+        if faults := starts.faults([one], what.document):
+            raise InputError(*faults)
     simulation = prepare(one)
     seconds = np.inf
     for _ in range(one.setup.repeats):
@@ -34,16 +43,22 @@ def run(what: Run | Experiment, stop: Callable[[], bool] = lambda: False) -> Res
         seconds = min(seconds, time.perf_counter() - start)
         if flight.status == "timeout":
             break
+    status, summary = flight.status, figures(simulation, flight, seconds)
+    if one.setup.reference and status != "timeout":
+        truth = reference.solve(simulation, flight, stop)
+        status = "timeout" if truth.status == "timeout" else status
+        summary |= {name: _plain(value) for name, value in reference.position_errors(flight, truth).items()}
     return Result(
         run_id=one.run_id,
         parameters=one.parameters,
-        status=flight.status,
+        status=status,
         balls=simulation.balls,
         trajectory=flight.trajectory,
         bounces=flight.bounces,
+        rests=flight.rests,
         energy=flight.energy,
         surfaces={name: shape.mesh() for name, shape in simulation.scene.surfaces.items()},
-        summary=figures(simulation, flight, seconds),
+        summary=summary,
     )
 
 
@@ -63,13 +78,13 @@ def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str,
     values = {
         "method": simulation.solver.method,
         "contact": simulation.solver.contact,
-        "step": simulation.solver.step,
+        "step": None if simulation.solver.method == EXACT else simulation.solver.step,
         "balls": len(simulation.balls),
         "steps": flight.steps,
         "bounces": len(flight.bounces),
         "bounces_per_ball_max": counts.max(initial=0),
         "surfaces_hit": len(np.unique(flight.bounces["surface"])),
-        "rest_count": 0,
+        "rest_count": flight.resting,
         "penetrations": flight.penetrations,
         "energy_initial": flight.energy_initial,
         "energy_final": flight.energy_final,

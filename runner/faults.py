@@ -17,7 +17,6 @@ TYPES = {
     "dict": "a group of settings", "mapping": "a group of settings", "model": "a group of settings",
     "model_attributes": "a group of settings",
 }  # fmt: skip
-LATER = ("exact",)  # choices that are not built yet
 LIMITS = {
     "greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt"), "less_than_equal": ("<=", "le"),
 }  # fmt: skip
@@ -36,7 +35,7 @@ def explain(
         if "field" in each.get("ctx", {}):
             path += split(each["ctx"]["field"])
         reason = _reason(each, path, model)
-        faults.append(Fault(document.place(_origin(path, origins)), dotted(path), reason))
+        faults.append(Fault(document.place(origin(path, origins)), dotted(path), reason))
     return faults
 
 
@@ -51,7 +50,8 @@ def _path(loc: tuple, data: Any, absent: bool) -> Path_:
     return tuple(path)
 
 
-def _origin(path: Path_, origins: Mapping[Path_, Path_]) -> Path_:
+def origin(path: Path_, origins: Mapping[Path_, Path_]) -> Path_:
+    """Where in the document the setting at `path` stands."""
     for setting, place in origins.items():
         shared = min(len(setting), len(path))
         if setting[:shared] == path[:shared]:
@@ -74,16 +74,12 @@ def _reason(error: dict, path: Path_, model: type[BaseModel]) -> str:
         given = value if kind == "literal_error" else context["tag"]
         allowed = context.get("expected") or context["expected_tags"]
         words = [word.strip("' ") for word in allowed.replace(" or ", ",").split(",")]
-        if given in LATER:
-            return f"{short(given)} is not built yet; there are {', '.join(words)}"
         return f"must be one of {', '.join(words)}, not {short(given)}{suggestion(given, words)}"
     if kind == "union_tag_not_found":
         return f"needs {context['discriminator']}, to say what it is"
     if kind in ("too_short", "too_long"):
         limit = context["min_length"] if kind == "too_short" else context["max_length"]
         return f"must have at {'least' if kind == 'too_short' else 'most'} {limit} items, not {context['actual_length']}"
-    if kind == "none_required":
-        return f"{short(value)} is not built yet; leave it out"
     if kind == "string_pattern_mismatch":
         return f"{short(value)} is not a name: letters, digits, '_' and '-', and a letter first"
     stem = kind.removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")

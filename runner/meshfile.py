@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import stat
 from functools import lru_cache
@@ -48,6 +49,8 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
         with np.errstate(all="ignore"):
             mesh = trimesh.load(path, force="mesh", process=False)
         vertices, corners = np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
+        del mesh
+        gc.collect()  # what it holds, several times the mesh, is in circles of references
     except Exception as error:  # trimesh's readers raise whatever their formats' parsers do
         reason = " ".join(str(error).split()) or type(error).__name__
         raise Invalid("file", f"{path.name} is not a mesh that can be read: {reason[:120]}") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runner import store
+from runner import starts, store
 from runner.config import Experiment, Run
 from runner.document import Document
 from runner.errors import InputError
@@ -25,7 +25,8 @@ class Plan:
 def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
     """The plan of a sweep into `out`/<name>.
 
-    Raises InputError for a matrix that is wrong, or makes more than 100,000 runs without `yes`.
+    Raises InputError for a matrix that is wrong, or makes more than 100,000 runs without `yes`, and for balls that start inside
+    a surface in what is to do.
     """
     size = experiment.matrix.size
     if size > MOST_RUNS and not yes:
@@ -35,7 +36,10 @@ def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: b
     finished = set() if fresh else store.done(folder)
     if retry_failed:
         finished -= {run.run_id for run in runs if run.run_id in finished and failed(store.read_run(folder, run.run_id))}
-    return Plan(experiment, folder, runs, tuple(run for run in runs if run.run_id not in finished))
+    todo = tuple(run for run in runs if run.run_id not in finished)
+    if faults := starts.faults(todo, experiment.document):
+        raise InputError(*faults)
+    return Plan(experiment, folder, runs, todo)
 
 
 def failed(report: dict) -> bool:

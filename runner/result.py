@@ -23,6 +23,7 @@ class Result:
     balls: Balls
     trajectory: Trajectory
     bounces: np.ndarray  # structured, sim.model.BOUNCE, in order of time
+    rests: np.ndarray  # structured, sim.model.REST, in order of time
     energy: Energy
     surfaces: dict[str, Mesh]  # name -> triangles to look at, in the order that bounces["surface"] counts
     summary: dict[str, Any]  # the run's row of the summary, without the matrix columns

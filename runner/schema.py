@@ -25,12 +25,11 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from runner import meshfile, record
-from sim import integrators
 from sim.forces import FIELDS
 from sim.model import Balls, Invalid, Positive, Vector
 from sim.release import Emitter, Listed, Scatter, Start
 from sim.shapes import SHAPES
-from sim.simulate import Scene, Solver
+from sim.simulate import METHODS, Scene, Solver
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$", max_length=64)]
 
@@ -131,7 +130,7 @@ by_name = AfterValidator(lambda things: dict(sorted(things.items())))
 SceneModel = model_of(
     Scene, surfaces=Annotated[dict[Name, Shape], by_name], forces=Annotated[dict[Name, Force], by_name]
 )
-SolverModel = model_of(Solver, method=Literal[*integrators.names()], contact=Literal["swept", "original"])
+SolverModel = model_of(Solver, method=Literal[*METHODS], contact=Literal["swept", "original"])
 
 
 class BallsModel(Model):
@@ -176,7 +175,7 @@ class Setup(Model):
     solver: SolverModel
     duration: Positive = 5.0  # s of simulated time
     record: RecordModel = RecordModel()
-    reference: None = None
+    reference: Literal["exact"] | None = None  # also solve exactly, and report the errors in position
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
 
     @model_validator(mode="after")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner import aggregate, chart, machine, pool, store, worker
+from runner import aggregate, chart, machine, pool, reference, store, worker
 from runner.config import Run, load
 from runner.errors import InputError, RunError
 from runner.plan import Plan, plan
@@ -88,7 +88,7 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
                 raise Stopped(task.run_id)
 
         with pool.Workers(jobs) as workers:
-            kernels = list({kernel_key(run): task for run, task in zip(work.todo, tasks)}.values())
+            kernels = _kernels(work.todo, tasks)
             progress.compiling(len(kernels))
             # a kernel that cannot be compiled is told by the runs that need it
             workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
@@ -96,13 +96,27 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             workers.carry_out(worker.perform, tasks, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
 
 
-def kernel_key(run: Run) -> tuple[str, int]:
+def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
+    """A task for each kernel that the runs, and their references, need."""
+    kernels = {}
+    for run, task in zip(runs, tasks):
+        kernels.setdefault(kernel_key(run), task)
+        if run.setup.reference:
+            exact = reference.twin(run)
+            kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
+    return list(kernels.values())
+
+
+def kernel_key(run: Run) -> tuple:
     """What kernel the run needs: runs with the same key share one."""
-    from sim import forces
+    from sim import engines, forces
 
     setup = run.setup
     fields = [field.build(run.folder) for field in setup.scene.forces.values()]
-    return setup.solver.method, len(forces.pack(fields, setup.scene.gravity, setup.balls.mass).selective)
+    packed, method = forces.pack(fields, setup.scene.gravity, setup.balls.mass), setup.solver.method
+    if setup.solver.contact == "original":
+        return method, len(packed.selective)
+    return method, *engines.bindings(method, packed).values()
 
 
 def finish(work: Plan) -> pyarrow.Table:

@@ -113,11 +113,28 @@ def _is_number(word: str) -> bool:
     return True
 
 
+def show_speeds(speeds: list) -> None:
+    """Print what `runner.bench` measured."""
+    from runner.machine import footer
+
+    headings = ["scene", "method", "contact", "rate", "", "ns each", "build (s)", "kernel (s)"]
+    rows = [
+        [
+            each.case.scene, each.case.method, each.case.contact, f"{each.rate:.3g}", each.unit, f"{1e9 / each.rate:.0f}",
+            f"{each.build_seconds:.2f}", f"{each.compile_seconds:.2f}",
+        ]
+        for each in speeds
+    ]  # fmt: skip
+    print_rows("Speed on one core, elastic balls, steps of 1 ms", headings, rows)
+    print(footer())
+
+
 def show_methods() -> None:
     """Print what every method claims."""
     from sim import integrators
+    from sim.solvers import exact
 
-    rows = []
+    rows = [["exact", "exact", *("-" * 4), " ".join(exact.__doc__.split())]]
     for name in integrators.names():
         method, _, description = integrators.load(name)
         limit = f"{method.oscillator_limit:g}" if method.oscillator_limit else "none stable"

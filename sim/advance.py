@@ -6,13 +6,10 @@ has nothing to do. A frame that lies inside a step is recorded by a shorter step
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from sim.contact import MISS, count_crossed, first_hit
 from sim.forces import B, acceleration, driving
-from sim.geometry import height
 from sim.impact import energy_lost, rebound
 from sim.integrators.symplectic_euler import step  # bound to the method's own before it is compiled
 from sim.lanes import (
@@ -37,36 +34,15 @@ from sim.lanes import (
     lane,
     put,
 )  # fmt: skip
+from sim.log import BALL, COLUMNS, note
+from sim.model import FASTEST
+from sim.packed import NORMAL, POINT, SIDES, height, surface_of, vector
 from sim.vector import axpy, dot, scale, sub
 
-FASTEST = 1e8  # m/s; beyond this a ball counts as diverged
 ROUNDING = 8 * np.finfo(float).eps  # relative error of a time computed as a product or difference
 
-# Columns of the bounce buffer, in the order of sim.model.BOUNCE.
-TIME, BALL, SURFACE, POSITION, NORMAL, SPEED_NORMAL, SPEED_TANGENTIAL, ENERGY_LOST, COLUMNS = 0, 1, 2, 3, 6, 9, 10, 11, 12
 
-
-class Body(NamedTuple):
-    """What all balls of a run have in common."""
-
-    mass: float  # kg
-    radius: float  # m
-    lifetime: float  # s
-    restitution: float
-    damping: float
-
-
-class Record(NamedTuple):
-    """Where the frames go."""
-
-    time: np.ndarray  # (frames,) s
-    position: np.ndarray  # (frames, balls, 3) m
-    velocity: np.ndarray  # (frames, balls, 3) m/s
-    work: np.ndarray  # (frames, balls) J, since the release
-    lost: np.ndarray  # (frames, balls) J, since the release
-
-
-def advance(block, dt, body, forces, facets, tree, frame, record, bounces, budget):
+def advance(block, dt, body, forces, features, frame, record, bounces, budget):
     """Move a block on from frame number `frame`, until all frames are filled, a ball has diverged, the buffer `bounces`
     (n, COLUMNS) has no room for another step, or `budget` steps are done; call it again then.
 
@@ -81,7 +57,7 @@ def advance(block, dt, body, forces, facets, tree, frame, record, bounces, budge
             if budget <= 0 or rows + 2 * LANES > len(bounces):
                 return frame, rows, False
             pace(block, dt, least > 0, now, slack)
-            rows = attempt(block, body, forces, facets, tree, bounces, rows)
+            rows = attempt(block, body, forces, features, bounces, rows)
             commit(block)
             for i in range(LANES):
                 moves = s[H + i] > 0.0  # else it may have ended, at an age that is no multiple of dt
@@ -92,7 +68,7 @@ def advance(block, dt, body, forces, facets, tree, frame, record, bounces, budge
         # What is left of a step: the frame lies inside it, or the flight ends there.
         tried = rows
         if pace_rest(block, now, slack):
-            tried = attempt(block, body, forces, facets, tree, bounces, rows)
+            tried = attempt(block, body, forces, features, bounces, rows)
         else:
             settle(block)
         diverged = fill_frame(block, frame, now, slack, body.lifetime, record)
@@ -154,13 +130,13 @@ def pace_ended(block, now, slack):
             s[H + i] = 0.0
 
 
-def attempt(block, body, forces, facets, tree, bounces, rows):
+def attempt(block, body, forces, features, bounces, rows):
     """Write into the scratch where the lanes' steps lead, and their bounces into the buffer from `rows` on.
 
     Returns the end of the rows used.
     """
-    s, found = block.s, block.found
-    mark_touches(block, facets, tree, body.radius)
+    s, search = block.s, block.search
+    mark_touches(block, features, body.radius)
     for i in range(LANES):
         x1, v1 = step(s[H + i], s[AGE + i], lane(s, X, i), lane(s, V, i), forces)
         put(s, X1, i, x1)
@@ -169,32 +145,32 @@ def attempt(block, body, forces, facets, tree, bounces, rows):
         s[LOST1 + i], s[CROSSED1 + i] = 0.0, 0.0
     if len(forces.selective) > 0 or dot(forces.drive, forces.drive) > 0.0 or forces.drive[B] > 0.0:
         add_work(s, body.mass, forces)
-    mark_crosses(block, facets, tree)
-    if len(facets.outline) == 0:
+    mark_crosses(block, features)
+    if len(features.faces) == 0:
         return rows
     for i in range(block.count):
         if s[H + i] == 0.0:
             continue
         if s[TOUCHES + i] > 0.0:
-            f, distance = first_hit(facets, tree, lane(s, X, i), lane(s, V, i), body.radius, s[H + i], found)
+            f, distance = first_hit(features, lane(s, X, i), lane(s, V, i), body.radius, s[H + i], search)
             if f != MISS:
-                bounce(block, i, f, distance, body, forces, facets, tree, bounces, rows)
+                bounce(block, i, f, distance, body, forces, features, bounces, rows)
                 rows += 1
                 continue
         if s[CROSSES + i] > 0.0:
-            s[CROSSED1 + i] = count_crossed(facets, tree, lane(s, X, i), lane(s, X1, i), found)
+            s[CROSSED1 + i] = count_crossed(features, lane(s, X, i), lane(s, X1, i), search)
     return rows
 
 
-def mark_touches(block, facets, tree, radius):
-    """Mark the lanes that may touch a facet in the step: none that does is left out, some are marked in vain."""
-    s, gaps = block.s, block.gap
-    ask_tree = len(tree.items) > 0
+def mark_touches(block, features, radius):
+    """Mark the lanes that may touch a face in the step: none that does is left out, some are marked in vain."""
+    s, gaps, faces = block.s, block.gap, features.faces
+    ask_tree = len(features.tree.items) > 0
     for i in range(LANES):
         s[TOUCHES + i] = 1.0 if ask_tree and s[H + i] > 0.0 else 0.0
     for f in range(len(gaps) // LANES):
-        n0, n1, n2 = facets.normal[f, 0], facets.normal[f, 1], facets.normal[f, 2]
-        two_sided = facets.two_sided[f]
+        n0, n1, n2 = vector(faces, f, NORMAL)
+        two_sided = faces[f, SIDES] > 1.0
         for i in range(LANES):
             gap = gaps[f * LANES + i]
             closing = -(n0 * s[V + i] + n1 * s[V + LANES + i] + n2 * s[V + 2 * LANES + i]) * s[H + i]
@@ -204,51 +180,46 @@ def mark_touches(block, facets, tree, radius):
             s[TOUCHES + i] = 1.0 if (room >= -spare) & (room <= closing + spare) else s[TOUCHES + i]
 
 
-def mark_crosses(block, facets, tree):
-    """Mark the lanes whose centre changes sides of a facet's plane in the step."""
-    s, gaps, gaps1 = block.s, block.gap, block.gap1
-    ask_tree = len(tree.items) > 0
+def mark_crosses(block, features):
+    """Mark the lanes whose centre changes sides of a face's plane in the step."""
+    s, gaps, gaps1, faces = block.s, block.gap, block.gap1, features.faces
+    ask_tree = len(features.tree.items) > 0
     for i in range(LANES):
         s[CROSSES + i] = 1.0 if ask_tree and s[H + i] > 0.0 else 0.0
     for f in range(len(gaps) // LANES):
-        n0, n1, n2 = facets.normal[f, 0], facets.normal[f, 1], facets.normal[f, 2]
-        p0, p1, p2 = facets.point[f, 0], facets.point[f, 1], facets.point[f, 2]
+        n0, n1, n2 = vector(faces, f, NORMAL)
+        p0, p1, p2 = vector(faces, f, POINT)
         for i in range(LANES):
             gap1 = n0 * (s[X1 + i] - p0) + n1 * (s[X1 + LANES + i] - p1) + n2 * (s[X1 + 2 * LANES + i] - p2)
             gaps1[f * LANES + i] = gap1
             s[CROSSES + i] = 1.0 if (gaps[f * LANES + i] >= 0.0) != (gap1 >= 0.0) else s[CROSSES + i]
 
 
-def bounce(block, i, f, distance, body, forces, facets, tree, bounces, row):
-    """The original's step with an impact in it: to the hit on facet f at `distance` (m), on with the velocity after it for
+def bounce(block, i, f, distance, body, forces, features, bounces, row):
+    """The original's step with an impact in it: to the hit on face f at `distance` (m), on with the velocity after it for
     the rest of the step, and last a forward Euler change of the velocity over the whole step."""
-    s, found = block.s, block.found
+    s, search, faces = block.s, block.search, features.faces
     x, v, h, t = lane(s, X, i), lane(s, V, i), s[H + i], s[AGE + i]
     delay = distance / np.sqrt(dot(v, v))
     touch = axpy(delay, v, x)
-    normal = (facets.normal[f, 0], facets.normal[f, 1], facets.normal[f, 2])
-    if height(facets, f, x) < 0.0:
+    normal = vector(faces, f, NORMAL)
+    if height(faces, f, x) < 0.0:
         normal = scale(-1.0, normal)
     after, vn, vt_squared = rebound(v, normal, body.restitution, body.damping)
     x1 = axpy(h - delay, after, touch)
     put(s, X1, i, x1)
     put(s, V1, i, axpy(h, acceleration(t, x, v, forces), after))
     for g in range(len(block.gap) // LANES):
-        block.gap1[g * LANES + i] = height(facets, g, x1)
+        block.gap1[g * LANES + i] = height(faces, g, x1)
 
     lost = energy_lost(body.mass, vn, vt_squared, body.restitution, body.damping)
     s[LOST1 + i] = lost
     before_hit = dot(driving(t, x, v, forces), sub(touch, x))
     s[WORK1 + i] = body.mass * (before_hit + dot(driving(t, touch, after, forces), sub(x1, touch)))
-    s[CROSSED1 + i] = count_crossed(facets, tree, x, touch, found) + count_crossed(facets, tree, touch, x1, found)
+    s[CROSSED1 + i] = count_crossed(features, x, touch, search) + count_crossed(features, touch, x1, search)
 
-    bounces[row, TIME] = s[RELEASED + i] + t + delay
-    bounces[row, BALL] = block.first + i
-    bounces[row, SURFACE] = facets.surface[f]
-    for k in range(3):
-        bounces[row, POSITION + k], bounces[row, NORMAL + k] = touch[k], normal[k]
-    bounces[row, SPEED_NORMAL], bounces[row, SPEED_TANGENTIAL] = vn, np.sqrt(vt_squared)
-    bounces[row, ENERGY_LOST] = lost
+    time, surface = s[RELEASED + i] + t + delay, surface_of(features, f)
+    note(bounces, row, time, block.first + i, surface, touch, normal, vn, np.sqrt(vt_squared), lost)
 
 
 def add_work(s, mass, forces):

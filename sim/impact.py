@@ -13,7 +13,7 @@ def rebound(v, normal, e, damping):
 
     Returns (velocity, normal speed, tangential speed squared) in m/s; the normal speed is positive into the surface.
     """
-    vn = dot(v, normal)
+    vn = dot(v, normal) / dot(normal, normal)  # or a normal's rounding adds up over a million bounces
     vt = axpy(-vn, normal, v)
     return axpy(-e * vn, normal, scale(1.0 - damping, vt)), -vn, dot(vt, vt)
 

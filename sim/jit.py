@@ -41,6 +41,29 @@ def numba():
 
 
 @cache
+def unmanaged() -> Callable:
+    """The compiled form of `sim.packed.bare`: an array without its reference count.
+
+    Handing an array from one kernel to another costs two atomic operations; for one that outlives the call anyway, in vain.
+    """
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    numba()
+
+    @intrinsic
+    def bare(typing, array):
+        def build(context, builder, signature, arguments):
+            made = context.make_array(array)(context, builder, arguments[0])
+            made.meminfo = cgutils.get_null_value(made.meminfo.type)
+            return made._getvalue()
+
+        return array(array), build
+
+    return bare
+
+
+@cache
 def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
     """`function` with the global `names` of its whole call tree bound to the values given; all must be hashable.
 
@@ -63,7 +86,8 @@ def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
         return rebuilt
     rebuilt.__module__ = function.__module__
     # The name tells numba's files apart: two kernels of one name would be served each other's code.
-    rebuilt.__qualname__ = "__".join([function.__name__, *(_label(value) for _, value in names)])
+    bindings = ", ".join(f"{name}={_label(value)}" for name, value in names)
+    rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
     return numba().njit(cache=True, error_model="numpy", forceinline=_melts(function))(rebuilt)
 
 
@@ -84,10 +108,15 @@ def _is_kernel(value: Any) -> bool:
     return isinstance(value, FunctionType) and value.__module__.startswith("sim.")
 
 
+#: Kernels that stay functions of their own: too large to vanish, or seldom called.
+LARGE = {"advance", "travel", "fly", "response", "touch_edge", "slide_around", "turn", "arc", "passes_out", "slides_off"}
+
+
 def _melts(function: Callable) -> bool:
-    """Whether calls must vanish into the caller, as what the loop over lanes calls has to for that loop to vectorise."""
-    return function.__module__.startswith(("sim.vector", "sim.forces", "sim.integrators"))
+    """Whether calls must vanish into the caller: the loop over lanes vectorises only so, and to hand arrays and tuples to a
+    function costs more than most of them compute."""
+    return function.__name__ not in LARGE and not function.__module__.startswith(("sim.advance", "sim.contact"))
 
 
 def _label(value: Any) -> str:
-    return value.__module__.rsplit(".")[-1] if _is_kernel(value) else str(value)
+    return f"{value.__module__}.{value.__name__}" if _is_kernel(value) else str(value)

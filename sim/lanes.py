@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.geometry import FEW, height
+from sim.packed import Search, height, search_room
 
 LANES = 64
 
@@ -18,7 +18,7 @@ LANES = 64
 X, V, X1, V1 = 0 * LANES, 3 * LANES, 6 * LANES, 9 * LANES  # m, m/s
 WORK, WORK1 = 12 * LANES, 13 * LANES  # J, done on the ball by fields without a potential; in the step
 LOST, LOST1 = 14 * LANES, 15 * LANES  # J, at impacts; in the step
-CROSSED, CROSSED1 = 16 * LANES, 17 * LANES  # facets that the centre passed through; in the step
+CROSSED, CROSSED1 = 16 * LANES, 17 * LANES  # faces that the centre passed through; in the step
 RELEASED = 18 * LANES  # s of simulated time
 END = 19 * LANES  # s of age at which the flight ends; 0 in a lane without a ball
 STEPS = 20 * LANES  # full steps taken
@@ -34,12 +34,12 @@ class Block(NamedTuple):
     first: int  # number of the ball in lane 0
     count: int  # lanes in use
     s: np.ndarray  # (ROWS * LANES,) the rows above
-    gap: np.ndarray  # (facets * LANES,) m from each facet's plane, where facets are few
+    gap: np.ndarray  # (faces * LANES,) m from each face's plane, where there is no tree
     gap1: np.ndarray  # the same after the step
-    found: np.ndarray  # room for the numbers of the facets that a search finds
+    search: Search  # room to search in
 
 
-def fill_block(first: int, balls, duration: float, facets) -> Block:
+def fill_block(first: int, balls, duration: float, features) -> Block:
     """The block of the balls from number `first` on, at their release."""
     count = min(LANES, len(balls) - first)
     mine = slice(first, first + count)
@@ -49,10 +49,11 @@ def fill_block(first: int, balls, duration: float, facets) -> Block:
     for k in range(3):
         s[X + k * LANES : X + k * LANES + count] = balls.position[mine, k]
         s[V + k * LANES : V + k * LANES + count] = balls.velocity[mine, k]
-    few = len(facets.outline) if len(facets.outline) <= FEW else 0
+    faces, tree = features.faces, features.tree
+    n = len(faces)
     x = s[X : X + 3 * LANES].reshape(3, LANES)
-    gap = np.concatenate([height(facets, f, x) for f in range(few)] or [np.zeros(0)])
-    return Block(first, count, s, gap, gap.copy(), np.arange(len(facets.outline)))
+    gap = np.concatenate([height(faces, f, x) for f in range(0 if len(tree.items) else n)] or [np.zeros(0)])
+    return Block(first, count, s, gap, gap.copy(), search_room(features))
 
 
 def lane(s, row, i):

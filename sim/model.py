@@ -25,6 +25,12 @@ BOUNCE = np.dtype(
     ]
 )
 
+#: A ball comes to rest, or to a slide, on a surface: the first columns of BOUNCE.
+REST = np.dtype(BOUNCE.descr[:3])
+
+#: m/s; beyond this a ball counts as diverged.
+FASTEST = 1e8
+
 
 #: Types that say their own range; `check` and the YAML schema both read it.
 Vector = tuple[float, float, float]
@@ -97,6 +103,16 @@ class Balls:
 
     def __len__(self) -> int:
         return len(self.released)
+
+
+class Body(NamedTuple):
+    """What all balls of a run have in common, as the kernels take it."""
+
+    mass: float  # kg
+    radius: float  # m
+    lifetime: float  # s
+    restitution: float
+    damping: float
 
 
 @dataclass(frozen=True)

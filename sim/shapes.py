@@ -1,4 +1,4 @@
-"""The shapes of surfaces: each says which facets a ball can hit and which triangles to look at.
+"""The shapes of surfaces: each is triangles, and says from which side they are met.
 
 A new shape is one dataclass here, in SHAPES.
 """
@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from sim.expression import evaluate
-from sim.geometry import PARALLELOGRAM, PLANE, Facets, facets, triangles
 from sim.model import Invalid, Mesh, Positive, Vector, check, unit
 
 SHOWN = 10.0  # m, side of the patch drawn of an infinite plane
@@ -30,11 +29,13 @@ def frame(normal: np.ndarray, up: Vector | None) -> tuple[np.ndarray, np.ndarray
     if np.linalg.norm(e2) <= 1e-9 * np.linalg.norm(up):
         raise Invalid("up", "must not be parallel to the normal")
     e2 /= np.linalg.norm(e2)
+    e2 -= np.dot(e2, normal) * normal  # again, as most of `up` may have cancelled
+    e2 /= np.linalg.norm(e2)
     return np.cross(e2, normal), e2
 
 
 def quads(corner: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Mesh:
-    """Triangles to look at, of parallelograms given by a corner and two edges, all (n, 3) m."""
+    """The triangles of parallelograms given by a corner and two edges, all (n, 3) m."""
     vertices = np.stack([corner, corner + e1, corner + e1 + e2, corner + e2], axis=1).reshape(-1, 3)
     start = 4 * np.arange(len(corner))[:, None, None]
     return Mesh(vertices, (start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3))
@@ -44,15 +45,15 @@ def quads(corner: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Mesh:
 class Plane:
     """Infinite and one-sided: solid behind the normal."""
 
+    two_sided: ClassVar[bool] = False
+    unbounded: ClassVar[bool] = True
+
     point: Vector = (0.0, 0.0, 0.0)  # m
     normal: Vector = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         check(self)
         unit("normal", self.normal)
-
-    def facets(self) -> Facets:
-        return facets(self.point, *frame(unit("normal", self.normal), None), PLANE, two_sided=False)
 
     def mesh(self) -> Mesh:
         e1, e2 = (SHOWN * e for e in frame(unit("normal", self.normal), None))
@@ -62,6 +63,9 @@ class Plane:
 @dataclass(frozen=True)
 class Rectangle:
     """Two-sided; its second side of length size[1] lies along `up` (default y, or z where the normal is along y)."""
+
+    two_sided: ClassVar[bool] = True
+    unbounded: ClassVar[bool] = False
 
     center: Vector  # m
     normal: Vector
@@ -78,9 +82,6 @@ class Rectangle:
         e1, e2 = self.size[0] * e1, self.size[1] * e2
         return tuple(np.atleast_2d(a) for a in (np.asarray(self.center, float) - (e1 + e2) / 2, e1, e2))
 
-    def facets(self) -> Facets:
-        return facets(*self._edges(), PARALLELOGRAM, two_sided=True)
-
     def mesh(self) -> Mesh:
         return quads(*self._edges())
 
@@ -89,33 +90,34 @@ class Rectangle:
 class Box:
     """A solid box, or with `inside` a room whose walls are seen from within."""
 
+    two_sided: ClassVar[bool] = False
+    unbounded: ClassVar[bool] = False
+
     center: Vector  # m
     size: tuple[Positive, Positive, Positive]  # m
     inside: bool = False
 
     __post_init__ = check
 
-    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Corners and edges of the six sides, (6, 3) m each, their normals on the side that a ball can be on."""
-        edges = np.diag(self.size).astype(float)
-        low, high = np.asarray(self.center) - edges.sum(axis=0) / 2, np.asarray(self.center) + edges.sum(axis=0) / 2
+    def mesh(self) -> Mesh:
+        center, half = np.asarray(self.center, float), 0.5 * np.asarray(self.size, float)
+        # corner number n is on the high side of axis k where bit k of n is set
+        high = np.arange(8)[:, None] >> np.arange(3) & 1 == 1
         sides = []
         for k in range(3):
-            a, b = edges[(k + 1) % 3], edges[(k + 2) % 3]
-            # a x b points along axis k: outward at the high corner, where the edges run back
-            sides += [(high, -a, -b), (low, b, a)] if not self.inside else [(high, -b, -a), (low, a, b)]
-        return tuple(np.array(column) for column in zip(*sides))
-
-    def facets(self) -> Facets:
-        return facets(*self._edges(), PARALLELOGRAM, two_sided=False)
-
-    def mesh(self) -> Mesh:
-        return quads(*self._edges())
+            a, b, c = 1 << (k + 1) % 3, 1 << (k + 2) % 3, 1 << k
+            # counter-clockwise seen from outside
+            sides += [(c, c + a, c + a + b), (c, c + a + b, c + b), (0, a + b, a), (0, b, a + b)]
+        triangles = np.array(sides)
+        return Mesh(np.where(high, center + half, center - half), triangles[:, ::-1] if self.inside else triangles)
 
 
 @dataclass(frozen=True)
 class Heightfield:
     """Triangles over the x-z plane, two to a cell, at y = height(x, z); centred on the origin."""
+
+    two_sided: ClassVar[bool] = True
+    unbounded: ClassVar[bool] = False
 
     size: tuple[Positive, Positive]  # m, along x and z
     cells: tuple[Cells, Cells]  # along x and z
@@ -140,13 +142,13 @@ class Heightfield:
         cell = np.array([[0, 1, m + 2], [0, m + 2, m + 1]])
         return Mesh(np.stack([x, evaluate(self.height, x=x, z=z), z], axis=1), (corner + cell).reshape(-1, 3))
 
-    def facets(self) -> Facets:
-        return triangles(*self.mesh())
-
 
 @dataclass(frozen=True)
 class Triangles:
     """Any triangles, two-sided: vertices (n, 3) m, corners (m, 3) indices."""
+
+    two_sided: ClassVar[bool] = True
+    unbounded: ClassVar[bool] = False
 
     vertices: np.ndarray = field(repr=False)
     corners: np.ndarray = field(repr=False)
@@ -162,9 +164,6 @@ class Triangles:
 
     def mesh(self) -> Mesh:
         return Mesh(self.vertices, self.corners)
-
-    def facets(self) -> Facets:
-        return triangles(self.vertices, self.corners)
 
 
 #: The name in `shape:` -> the shape. A mesh file becomes Triangles once it is read.

@@ -7,15 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim import advance, forces, impact, integrators, jit, lanes
+from sim import engines, forces, impact, inside, integrators, log, reduction
 from sim.energy import ledger, total_energy
-from sim.geometry import gather
-from sim.model import BOUNCE, Balls, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
+from sim.model import BOUNCE, REST, Balls, Body, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
+from sim.packed import pack
 
-CONTACTS = ("original",)
+CONTACTS = ("swept", "original")
+EXACT = "exact"
+METHODS = (*integrators.names(), EXACT)
 
-BUDGET = 4096  # steps of a block between two looks at `stop`: milliseconds
-ROOM = 4096  # bounces of a block between two looks
+ROOM = 4096  # rows of the log, filled and emptied again and again
 
 
 @dataclass(frozen=True)
@@ -39,27 +40,28 @@ class Solver:
 
     def __post_init__(self) -> None:
         check(self)
-        if self.method not in integrators.names():
-            state = "is not built yet" if self.method == "exact" else "is unknown"
-            raise Invalid("method", f"'{self.method}' {state}; there are {', '.join(integrators.names())}")
-        if self.contact not in CONTACTS:
-            state = "is not built yet" if self.contact == "swept" else "is unknown"
-            raise Invalid("contact", f"'{self.contact}' {state}; write contact: {' or '.join(CONTACTS)}")
+        for name, known in (("method", METHODS), ("contact", CONTACTS)):
+            if getattr(self, name) not in known:
+                raise Invalid(name, f"'{getattr(self, name)}' is unknown; there are {', '.join(known)}")
+        if self.method == EXACT and self.contact != "swept":
+            raise Invalid("contact", "the method exact knows swept contact only")
 
 
 @dataclass(frozen=True)
 class Flight:
     """What came out of a simulation."""
 
-    status: str  # finished or diverged, or timeout where it was stopped
+    status: str  # finished, rested, diverged, or timeout where it was stopped
     trajectory: Trajectory
     bounces: np.ndarray  # structured, BOUNCE, in order of time
+    rests: np.ndarray  # structured, REST, in order of time: each coming to rest, or to a slide, on a surface
     energy: Energy
     energy_initial: float  # J, of all balls released, at their release
     energy_final: float  # J, of the same balls, at the last frame or when their flight ended
     steps: int  # of all balls together
     ball_seconds: float  # s of flight of all balls together
-    penetrations: int  # facets that a ball's centre passed through
+    resting: int  # balls at rest on a surface when their flight or the simulation ends
+    penetrations: int  # faces that a ball's centre passed through
 
 
 def frame_times(duration: float, every: float) -> np.ndarray:
@@ -81,71 +83,71 @@ class Simulation:
             raise Invalid("balls", "none is released within the duration")
         if balls.mass > scene.wall_mass:
             raise Invalid("mass", f"must be <= wall_mass = {scene.wall_mass:g}")
-        self.scene, self.balls, self.solver, self.duration = scene, balls, solver, duration
+        self.scene, self.balls, self.solver = scene, balls, solver
         self.time = frame_times(duration, every)
-        self.facets, self.tree = gather([shape.facets() for shape in scene.surfaces.values()])
         self.fields = list(scene.forces.values())
-        self.forces = forces.pack(self.fields, scene.gravity, balls.mass)
         e = scene.restitution if scene.restitution is not None else impact.restitution(balls.mass, scene.wall_mass)
-        self.body = advance.Body(
-            float(balls.mass), float(balls.radius), float(balls.lifetime), float(e), float(scene.damping)
-        )
-        self.kernel = kernel(solver.method, len(self.forces.selective))
+        body = Body(float(balls.mass), float(balls.radius), float(balls.lifetime), float(e), float(scene.damping))
+        packed = forces.pack(self.fields, scene.gravity, balls.mass)
+        swept = solver.contact == "swept"
+        # the original's rule knows no edges, and lets balls through to where they did not start
+        starts = balls.position if swept else np.zeros((0, 3))
+        features, self.reductions = reduction.features(list(scene.surfaces.values()), starts, edges=swept)
+        if swept and (sunk := inside.starts_inside(scene.surfaces, features, balls)):
+            raise Invalid("balls", sunk[1])
+        engine = engines.Swept if swept else engines.Original
+        self.engine = engine(solver.method, float(solver.step), balls, duration, body, packed, pack(features))
 
     def warm(self) -> None:
         """Compile the kernel, or load it from disk, without moving a ball."""
-        block = lanes.fill_block(0, self.balls, self.duration, self.facets)
-        self._advance(block, 0, self._record(0), np.empty((ROOM, advance.COLUMNS)))
+        self.engine.move(self.engine.parts()[0], 0, self._record(0), np.empty((ROOM, log.COLUMNS)))
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Flight:
         """Move all balls through all frames; `stop` is asked now and then whether to end early, as `timeout`.
 
-        A diverged or stopped run keeps the frames up to the last that is good for all balls.
+        A diverged or stopped run keeps the frames up to the last that is good for all balls. Raises engines.Stalled.
         """
-        record = self._record(len(self.time))
-        starts = range(0, len(self.balls), lanes.LANES)
-        blocks = [lanes.fill_block(first, self.balls, self.duration, self.facets) for first in starts]
-        buffer, batches = np.empty((ROOM, advance.COLUMNS)), []
+        record, parts = self._record(len(self.time)), self.engine.parts()
+        rows, batches = np.empty((ROOM, log.COLUMNS)), []
         status, done, kept = "finished", 0, len(self.time)
-        interval = self.time[1] - self.time[0] if len(self.time) > 1 else self.duration
-        stride = max(1, int(BUDGET * self.solver.step / interval))
         while done < kept:
-            # the release is a part of its own, so that a flight has it for all balls, whatever ends it
-            part = advance.Record(*(a[: min(done + stride, kept) if done else 1] for a in record))
-            for block in blocks:
+            # the release is a stage of its own, so that a flight has it for all balls, whatever ends it
+            stage = log.Record(*(a[: min(done + self.engine.stride(self.time), kept) if done else 1] for a in record))
+            for part in parts:
                 frame = done
-                while frame < min(len(part.time), kept):
-                    frame, rows, diverged = self._advance(block, frame, part, buffer)
-                    batches.append(buffer[:rows].copy())
-                    if diverged:
-                        status, kept = "diverged", max(frame - 1, 1)
+                while frame < min(len(stage.time), kept):
+                    frame, count, bad = self.engine.move(part, frame, stage, rows)
+                    batches.append(rows[:count].copy())
+                    if bad is not None:
+                        status, kept = "diverged", min(kept, max(bad, 1))
                     if done and stop():
-                        return self._flight("timeout", done, record, blocks, batches)
-            done = len(part.time)
-        return self._flight(status, kept, record, blocks, batches)
+                        return self._flight("timeout", done, record, self.engine.ends(parts), np.concatenate(batches))
+            done = len(stage.time)
+        return self._flight(status, kept, record, self.engine.ends(parts), np.concatenate(batches))
 
-    def _record(self, frames: int) -> advance.Record:
+    def _steps(self, time: np.ndarray) -> np.ndarray:
+        """The steps (frames,) of the method since time 0; the exact solver has none, and its frames count."""
+        return np.arange(len(time)) if self.solver.method == EXACT else np.rint(time / self.solver.step).astype(np.int64)
+
+    def _record(self, frames: int) -> log.Record:
         n = len(self.balls)
-        return advance.Record(self.time[:frames], *(np.empty((frames, n, *k)) for k in ((3,), (3,), (), ())))
+        return log.Record(self.time[:frames], *(np.empty((frames, n, *k)) for k in ((3,), (3,), (), ())))
 
-    def _advance(self, block, frame, record, buffer):
-        return self.kernel(
-            block, self.solver.step, self.body, self.forces, self.facets, self.tree, frame, record, buffer, BUDGET
-        )
-
-    def _flight(self, status, kept, record, blocks, batches) -> Flight:
+    def _flight(self, status, kept, record, ends, rows) -> Flight:
         time, position, velocity, work, lost = (a[:kept] for a in record)
         balls, mass = self.balls, self.balls.mass
 
         def potential(x):
             return forces.potential(self.fields, self.scene.gravity, mass, x)
 
-        def rows(start, count=1):
-            return np.concatenate([b.s.reshape(-1, lanes.LANES)[start // lanes.LANES :][:count, : b.count].T for b in blocks])
-
         at_release = total_energy(mass, balls.velocity, potential(balls.position))
         with np.errstate(all="ignore"):  # a ball that diverged may be anywhere by now
-            at_end = total_energy(mass, rows(lanes.V, 3), potential(rows(lanes.X, 3)))
+            at_end = total_energy(mass, ends.velocity, potential(ends.position))
+        if status == "finished" and ends.at_rest.all():
+            status = "rested"
+        rests = rows[:, log.SPEED_NORMAL] == log.REST
+        # of a finished flight all: the time of one at the very end may round to after it
+        end = time[-1] if status in ("diverged", "timeout") else np.inf
         flew = np.clip(time[-1] - balls.released, 0, balls.lifetime)
         energy = ledger(
             time, balls.released, total_energy(mass, velocity, 0.0), potential(position), at_release, at_end, work, lost
@@ -153,30 +155,26 @@ class Simulation:
         initial = float(at_release[balls.released <= time[-1]].sum())
         return Flight(
             status=status,
-            trajectory=Trajectory(time, np.rint(time / self.solver.step).astype(np.int64), position, velocity),
-            # of a finished flight all: the time of one at the very end may round to after it
-            bounces=bounces(np.concatenate(batches), np.inf if status == "finished" else time[-1]),
+            trajectory=Trajectory(time, self._steps(time), position, velocity),
+            bounces=events(rows[~rests], BOUNCE, end),
+            rests=events(rows[rests], REST, end),
             energy=energy,
             energy_initial=initial,
             energy_final=initial + float(energy.residual[-1] + energy.work[-1] - energy.lost[-1]),
-            steps=int(rows(lanes.STEPS).sum()),
+            steps=ends.steps,
             ball_seconds=float(flew.sum()),
-            penetrations=int(rows(lanes.CROSSED).sum()),
+            resting=int(ends.at_rest.sum()),
+            penetrations=ends.passed,
         )
 
 
-def bounces(rows: np.ndarray, end: float) -> np.ndarray:
-    """The rows (n, advance.COLUMNS) up to the time `end` (s) as BOUNCE records, in order of time, then of ball."""
-    rows = rows[rows[:, advance.TIME] <= end]
-    rows = rows[np.lexsort((rows[:, advance.BALL], rows[:, advance.TIME]))]
-    out, column = np.empty(len(rows), BOUNCE), 0
-    for name in BOUNCE.names:
-        width = int(np.prod(BOUNCE[name].shape, dtype=int))
-        out[name] = rows[:, column : column + width].reshape(len(rows), *BOUNCE[name].shape)
+def events(rows: np.ndarray, kind: np.dtype, end: float) -> np.ndarray:
+    """Rows (n, log.COLUMNS) up to the time `end` (s) as records of BOUNCE or REST, in order of time, then of ball."""
+    rows = rows[rows[:, log.TIME] <= end]
+    rows = rows[np.lexsort((rows[:, log.BALL], rows[:, log.TIME]))]
+    out, column = np.empty(len(rows), kind), 0
+    for name in kind.names:
+        width = int(np.prod(kind[name].shape, dtype=int))
+        out[name] = rows[:, column : column + width].reshape(len(rows), *kind[name].shape)
         column += width
     return out
-
-
-def kernel(method: str, selective: int) -> Callable:
-    """The loop for one method and a number of selective fields; compiled at its first call, or loaded from disk."""
-    return jit.bind(advance.advance, step=integrators.load(method)[1], SELECTIVE=selective)

@@ -1,5 +1,9 @@
 """Three-vectors as tuples: the compiler keeps them in registers, and formulas read as they are written."""
 
+import numpy as np
+
+ROUNDING = 4 * np.finfo(float).eps
+
 
 def axpy(a, x, y):
     """a x + y."""
@@ -16,3 +20,29 @@ def sub(x, y):
 
 def dot(x, y):
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+def across(n, x):
+    """The part of x across the unit vector n."""
+    return axpy(-dot(n, x), n, x)
+
+
+def norm(x):
+    return np.sqrt(dot(x, x))
+
+
+def cross(x, y):
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+
+
+def row(array, i):
+    """Row i of an (n, 3) array."""
+    return array[i, 0], array[i, 1], array[i, 2]
+
+
+def gap(n, x, p, offset):
+    """n . (x - p) - offset, and exactly zero where it is no more than the rounding of the coordinates."""
+    d = sub(x, p)
+    g = dot(n, d) - offset
+    size = abs(n[0]) * (abs(x[0]) + abs(p[0])) + abs(n[1]) * (abs(x[1]) + abs(p[1])) + abs(n[2]) * (abs(x[2]) + abs(p[2]))
+    return g if abs(g) > ROUNDING * (size + offset) else 0.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from runner import cli, config
+from runner import cli, config, starts
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -48,6 +48,7 @@ def test_every_config_asks_a_question_and_its_runs_can_be_made(path):
     assert experiment.name == path.stem
     runs = experiment.runs()
     assert len(runs) == len({run.run_id for run in runs}) > 0
+    assert starts.faults(runs, experiment.document) == []
     for run in runs[:: max(1, len(runs) // 8)]:
         run.setup.scene.build(run.folder)
         assert len(run.setup.balls.build(run.setup.duration, run.folder)) > 0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 FILE = "trajectory.h5"
 
-BOUNCE_UNITS = {
+UNITS = {
     "time": "s",
     "ball": "index into /particles/balls",
     "surface": "index into the attribute surfaces",
@@ -45,7 +45,7 @@ def write(result: Result, path: Path) -> None:
         _write_header(file)
         frames = _write_balls(file, result)
         _write_energy(file, result, frames)
-        _write_bounces(file, result)
+        _write_events(file, result)
         _write_parameters(file, result)
 
 
@@ -101,15 +101,19 @@ def _write_dataset(parent: h5py.Group, name: str, values: np.ndarray, units: str
         dataset.attrs["units"] = units
 
 
-def _write_bounces(file: h5py.File, result: Result) -> None:
+def _write_events(file: h5py.File, result: Result) -> None:
+    """/events: impacts, and where balls came to rest."""
     import h5py
 
-    bounces = file.create_dataset("events/bounces", data=result.bounces)
-    bounces.attrs["description"] = (
-        "Impacts in order of time: position is the ball's centre, normal points to the ball, speeds are before it."
-    )
-    bounces.attrs["units"] = json.dumps(BOUNCE_UNITS)
-    bounces.attrs.create("surfaces", list(result.surfaces), dtype=h5py.string_dtype())
+    for name, events, description in (
+        ("bounces", result.bounces, "Impacts in order of time: position is the ball's centre, normal points to the ball, "
+         "speeds are before it."),
+        ("rests", result.rests, "In order of time: a ball comes to rest on a surface, or begins to slide on it."),
+    ):  # fmt: skip
+        dataset = file.create_dataset(f"events/{name}", data=events)
+        dataset.attrs["description"] = description
+        dataset.attrs["units"] = json.dumps({column: UNITS[column] for column in events.dtype.names})
+        dataset.attrs.create("surfaces", list(result.surfaces), dtype=h5py.string_dtype())
 
 
 def _write_parameters(file: h5py.File, result: Result) -> None:

@@ -2,9 +2,13 @@
 
     step(h, t, x, v, forces) -> x, v
 
-moves one ball from age t (s), position x (m) and velocity v (m/s), 3-tuples, over h (s). It is plain Python of
-arithmetic, 3-tuples and `sim.forces.acceleration(t, x, v, forces)`; `sim.jit` compiles it into the loop over balls. Taken
-with a part of h it is the method's own interpolant.
+moves one ball from age t (s), position x (m) and velocity v (m/s), 3-tuples, over h (s), and
+
+    interpolant(h, t, x, v, x1, v1, forces) -> curve
+
+is the curve in between, of the method's own order, on which contacts are found: a curve of METHOD.curve that starts at x
+with slope v and ends at x1. Both are plain Python of arithmetic, 3-tuples and `sim.forces.acceleration(t, x, v, forces)`;
+`sim.jit` compiles them into the loops over balls.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from pkgutil import iter_modules
 class Method:
     """What a method claims; the tests hold every claim against what is measured."""
 
+    curve: str  # module of sim.curves to which its interpolant belongs
     order: int  # of the global error on smooth flight
     oscillator_limit: float  # largest stable h * omega on x'' = -omega^2 x; 0: unstable at every step
     drag_limit: float  # largest stable h * b on v' = -b v

@@ -1,11 +1,13 @@
 """The original's method 3, which it calls RK4. Each stage's velocity comes from its own acceleration instead of the last
 one's: fourth order where the acceleration is constant (it is exact there), second order in every other field."""
 
+from sim.curves.cubic import hermite
 from sim.forces import acceleration
 from sim.integrators import Method
 from sim.vector import axpy
 
 METHOD = Method(
+    curve="cubic",
     order=2,
     oscillator_limit=2.0707,
     drag_limit=2.7853,
@@ -27,3 +29,7 @@ def step(h, t, x, v, forces):
         axpy(h / 6, axpy(2.0, axpy(1.0, v2, v3), axpy(1.0, v, v4)), x),
         axpy(h / 6, axpy(2.0, axpy(1.0, a2, a3), axpy(1.0, a1, a4)), v),
     )
+
+
+def interpolant(h, t, x, v, x1, v1, forces):
+    return hermite(h, x, v, x1, v1)

@@ -2,9 +2,10 @@
 
 from sim.forces import acceleration
 from sim.integrators import Method
-from sim.vector import axpy
+from sim.vector import axpy, scale
 
 METHOD = Method(
+    curve="parabola",
     order=1,
     oscillator_limit=2.0,
     drag_limit=2.0,
@@ -17,3 +18,7 @@ METHOD = Method(
 def step(h, t, x, v, forces):
     v = axpy(h, acceleration(t, x, v, forces), v)
     return axpy(h, v, x), v
+
+
+def interpolant(h, t, x, v, x1, v1, forces):
+    return x, v, scale(2.0, acceleration(t, x, v, forces))

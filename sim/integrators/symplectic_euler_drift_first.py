@@ -5,6 +5,7 @@ from sim.integrators import Method
 from sim.vector import axpy
 
 METHOD = Method(
+    curve="parabola",
     order=1,
     oscillator_limit=2.0,
     drag_limit=2.0,
@@ -17,3 +18,7 @@ METHOD = Method(
 def step(h, t, x, v, forces):
     x = axpy(h, v, x)
     return x, axpy(h, acceleration(t, x, v, forces), v)
+
+
+def interpolant(h, t, x, v, x1, v1, forces):
+    return x, v, (0.0, 0.0, 0.0)

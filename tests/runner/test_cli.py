@@ -33,8 +33,10 @@ def test_help_of_a_command_imports_nothing_heavy(tmp_path):
 
 
 def test_a_dry_run_imports_what_reads_the_file_and_no_more(tmp_path, fall):
+    """With swept contact it looks, too, whether balls start inside a surface."""
     charts = "charts: [{kind: energy, series: solver.method}]\n"
-    (tmp_path / "x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2]}\n" + charts)
+    fall = fall.replace(", contact: original", "")
+    (tmp_path / "x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2]}\nreference: exact\n" + charts)
     assert imported("sweep", "x.yaml", "--dry-run", cwd=tmp_path) & HEAVY == {"numpy", "pydantic", "ruamel"}
 
 
@@ -69,6 +71,8 @@ def test_methods_are_listed_with_what_they_claim(carom):
 
     code, out, _ = carom("methods")
     assert code == 0 and all(name in out for name in integrators.names())
+    (exact,) = (line.split(maxsplit=6) for line in out.splitlines() if line.split()[:2] == ["exact", "exact"])
+    assert exact[1:6] == ["exact", "-", "-", "-", "-"] and exact[6].startswith("The exact solver: the true flight in closed form")
 
 
 @pytest.mark.parametrize(

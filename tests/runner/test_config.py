@@ -85,10 +85,13 @@ SETTINGS = {
     "infinite": ("step: 0.01", "step: .inf", "8:34: solver.step: ", "must be a finite number"),
     "too large a number": ("duration: 0.2", "duration: 1e999", "9:1: duration: ", "must be a finite number"),
     "too large a whole number": ("duration: 0.2", f"duration: {10**400}", "9:1: duration: ", "must be a finite number"),
-    "swept": ("contact: original", "contact: swept", "8:46: solver.contact: ", "not built yet|original"),
-    "swept by default": (", contact: original", "", "8:1: solver.contact: ", "not built yet|original"),
-    "exact": ("explicit_euler", "exact", "8:10: solver.method: ", "'exact' is not built yet|explicit_euler"),
-    "reference": (None, "reference: exact\n", "11:1: reference: ", "not built yet"),
+    "contact": (
+        "contact: original", "contact: orignal", "8:46: solver.contact: ", "swept, original|did you mean 'original'?",
+    ),
+    "exact by the original's contact rule": (
+        "explicit_euler", "exact", "8:37: solver.contact: ", "the method exact knows swept contact only",
+    ),
+    "reference": (None, "reference: exat\n", "11:1: reference: ", "must be one of exact|did you mean 'exact'?"),
     "name of a surface": ("floor:", "../floor:", "4:5: scene.surfaces.../floor: ", "not a name"),
 }  # fmt: skip
 
@@ -247,7 +250,7 @@ matrix:
   bals.mass: [1]
   balls.radius: []
   solver.step: [0.01, -1]
-  include: [{solver.method: exact}]
+  include: [{solver.method: exat}]
 charts:
   - {kind: lnes}
   - {kind: lines, x: balls.mas, y: bouncs}
@@ -261,7 +264,7 @@ scene:
 
 def test_all_faults_of_the_matrix_are_told_at_once(faults):
     told = faults(
-        None, "matrix:\n  balls.mass: [1, 0, -1]\n  solver.method: [exact, explicit_euler]\n  solver.step: [0.1, 0]\n"
+        None, "matrix:\n  balls.mass: [1, 0, -1]\n  solver.method: [exat, explicit_euler]\n  solver.step: [0.1, 0]\n"
     )
     assert [fault.split(": ")[:2] for fault in told] == [
         ["12:19", "balls.mass"],
@@ -313,7 +316,7 @@ def test_yes_lets_more_runs_start(here, monkeypatch, carom, fall):
         ("balls.released.7.velocity=[0,0,0]", "-s balls.released.7.velocity: balls.released.7: ", "is not a group"),
         ("balls.released.x=1", "-s balls.released.x: balls.released.x: ", "no such item"),
         ("name=../x", "-s name: name: ", "not a name"),
-        ("solver.contact=swept", "-s solver.contact: solver.contact: ", "not built yet"),
+        ("solver.contact=soft", "-s solver.contact: solver.contact: ", "must be one of swept, original"),
     ],
 )
 def test_a_wrong_option_is_told_as_the_option_it_is(faults, option, start, words):

@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from runner import record, viewer
 from runner.record import hdf5, rrd
 from runner.result import Result
-from sim.model import BOUNCE, Balls, Energy, Mesh, Trajectory
+from sim.model import BOUNCE, REST, Balls, Energy, Mesh, Trajectory
 
 # Without `strict`, rerun turns what it cannot write into a warning and leaves it out.
 pytestmark = pytest.mark.filterwarnings("error")
@@ -59,6 +59,7 @@ def run(released=(0.0, 0.05, 0.2), lifetime=0.3, frames=61, surfaces=SURFACES) -
         balls=Balls(0.5, RADIUS, lifetime, np.array(released), start, np.zeros_like(start)),
         trajectory=Trajectory(frame_time, 10 * np.arange(frames), position, velocity),
         bounces=bounces,
+        rests=np.array([(0.5, 0, 0), (0.55, 2, 0)] if len(bounces) > 2 else [], REST),
         energy=Energy(kinetic, potential, *(np.linspace(0, end, frames) for end in (1, 2, 3)), np.full(frames, 1e-12)),
         surfaces=surfaces,
         summary={
@@ -153,6 +154,10 @@ def test_h5_holds_the_energy_ledger(trajectory, result):
         assert observables[name]["step"] == trajectory["particles/balls/position/step"]
 
 
+def test_some_run_has_rests():
+    assert any(len(each.rests) for each in RUNS.values())
+
+
 def test_h5_holds_the_bounces(trajectory, result):
     bounces = trajectory["events/bounces"]
     assert bounces.dtype == BOUNCE
@@ -160,6 +165,15 @@ def test_h5_holds_the_bounces(trajectory, result):
     assert bounces.attrs["surfaces"].tolist() == list(result.surfaces)
     assert set(json.loads(bounces.attrs["units"])) == set(BOUNCE.names)
     assert "centre" in bounces.attrs["description"]
+
+
+def test_h5_holds_the_rests(trajectory, result):
+    rests = trajectory["events/rests"]
+    assert rests.dtype == REST
+    np.testing.assert_array_equal(rests[:], result.rests)
+    assert rests.attrs["surfaces"].tolist() == list(result.surfaces)
+    assert set(json.loads(rests.attrs["units"])) == set(REST.names)
+    assert "rest" in rests.attrs["description"]
 
 
 def test_h5_names_its_parameters_and_units(trajectory, result):

@@ -294,6 +294,36 @@ def test_a_diverged_run_is_a_result(here, carom, inline, fall):
     assert 2 < len(speed) < 21 and np.isfinite(speed).all() and 1e4 < speed[-1] <= 1e8
 
 
+@pytest.mark.parametrize(("others", "tally"), [("", "1 rested"), (", {position: [0, 9, 0]}", "1 finished")])
+@pytest.mark.parametrize("method", ["exact", "rk4_original"])
+def test_a_run_whose_balls_all_rest_is_rested(here, carom, inline, fall, method, others, tally):
+    """One falls from 0.94 m over the floor; another is still on its way down at the end."""
+    for old, new in {
+        "scene:": "scene:\n  restitution: 0.1",
+        "duration: 0.2": "duration: 1.2",
+        ", contact: original": "",
+        "explicit_euler": method,
+        "[0, 1, 0]}": "[0, 1, 0]}" + others,
+    }.items():
+        fall = fall.replace(old, new)
+    Path("x.yaml").write_text(fall)
+    code, _, err = carom("sweep", "x.yaml")
+    assert code == 0 and tally in err
+    (report,) = store.read_runs(here / "outputs" / "x")
+    assert (report["status"], report["error"], report["figures"]["rest_count"]) == (tally[2:], None, 1)
+    assert (report["figures"]["step"] is None) == (method == "exact")
+    assert carom("status", "outputs/x").out == "done 1, failed 0, todo 0\n"
+    row = aggregate.read(here / "outputs" / "x").to_pylist()[0]
+    assert row["status"] == tally[2:] and row["rest_count"] == 1 and (row["step"] is None) == (method == "exact")
+    with h5py.File(here / "outputs" / "x" / "runs" / report["run_id"] / "trajectory.h5") as file:
+        (rest,) = file["events/rests"][:]
+        position, velocity = (file[f"particles/balls/{name}/value"][-1, 0] for name in ("position", "velocity"))
+    # the fall takes 0.44 s, the hops after it, with 0.1, 0.01, ... of the speed, 2/9 of that
+    assert rest["time"] == pytest.approx((0.94 / 4.9) ** 0.5 * (1 + 2 / 9), rel=1e-6)
+    assert (rest["ball"], rest["surface"]) == (0, 0)
+    assert position == pytest.approx([0, 0.06, 0], abs=1e-12) and not velocity.any()
+
+
 # Looking at it
 
 

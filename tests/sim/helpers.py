@@ -41,7 +41,7 @@ def soup(seed, n) -> shapes.Triangles:
 
 
 def room(many: bool, **scene) -> Scene:
-    """A room with every shape in it; with `many` so many facets that a tree is built."""
+    """A room with every shape in it; with `many` so many faces that a tree is built."""
     surfaces = {
         "room": shapes.Box(center=(0, 0, 0), size=(4, 3, 3.5), inside=True),
         "slope": shapes.Plane(point=(0, -1.3, 0), normal=(0.2, 1, -0.1)),
@@ -60,3 +60,30 @@ CORRIDOR = Uniform(direction=(0, 0, 1), magnitude=20.0, region={"x": (-0.5, 0.5)
 LIFT = Uniform(direction=(0, 2, 0), magnitude=14.0, until=0.3137)
 WELL = Spring(stiffness=30.0, center=(0.3, -0.2, 0.5))
 AIR = Drag(coefficient=0.8)
+
+ELASTIC = {"restitution": 1.0, "damping": 0.0}
+
+
+def swept(scene, balls, method="exact", step=0.01, duration=1.0, every=None):
+    """A flight with swept contact."""
+    return Simulation(scene, balls, Solver(method, step), duration, every or duration).run()
+
+
+def last(flight):
+    """Where the balls are in the last frame (n, 3) m."""
+    return flight.trajectory.position[-1]
+
+
+def rotation(seed) -> np.ndarray:
+    """A rotation matrix, any one."""
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    return q * np.linalg.det(q)
+
+
+def moved(shape, matrix=np.eye(3), shift=0.0) -> shapes.Triangles:
+    """The triangles of a shape, or of several, turned (or mirrored) and shifted."""
+    meshes = [each.mesh() for each in (shape if isinstance(shape, (list, tuple)) else [shape])]
+    first = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    corners = np.concatenate([mesh.triangles + n for mesh, n in zip(meshes, first)])
+    return shapes.Triangles(np.concatenate([mesh.vertices for mesh in meshes]) @ np.transpose(matrix) + shift, corners)

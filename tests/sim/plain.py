@@ -71,7 +71,7 @@ class Walls:
                 continue
             vertices, triangles = shape.mesh()
             soup.append(vertices[triangles])
-            self.two_sided += [not isinstance(shape, shapes.Box)] * len(triangles)
+            self.two_sided += [shape.two_sided] * len(triangles)
             self.surface += [number] * len(triangles)
         self.a, self.b, self.c = np.concatenate([np.zeros((0, 3, 3)), *soup]).transpose(1, 0, 2)
         self.two_sided, self.surface = np.array(self.two_sided, bool), np.array(self.surface, int)
@@ -114,12 +114,12 @@ class Walls:
         return distance / speed, normal, surface
 
     def crossed(self, x0, x1):
-        """How many facets a centre passes through on its straight way."""
+        """How many faces a centre passes through on its straight way."""
         return sum(s < 1 for s, _, _ in self.met(x0, x1 - x0))
 
 
 class Flight:
-    """Ball i of `balls`: its states at `times` (NaN where it is not alive), its impacts, the facets it passed."""
+    """Ball i of `balls`: its states at `times` (NaN where it is not alive), its impacts, the faces it passed."""
 
     def __init__(self, scene, balls, i, method, h, times):
         self.a, self.step, self.walls = acceleration(scene, balls.mass), METHODS[method], Walls(scene)

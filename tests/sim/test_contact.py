@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sim import geometry, lanes
+from sim import reduction
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.simulate import Scene
-from sim.tree import LEAF
+from sim.tree import WIDE
 from tests.sim import plain
 from tests.sim.helpers import AIR, FREE, balls, fly, random_balls, room
 
@@ -17,13 +17,12 @@ ROUNDING = 1e-12
 
 @pytest.fixture(params=["with a tree", "without"])
 def searched(request, monkeypatch):
-    """The facets searched by a tree although they are few, and looked at one by one."""
-    for module in (geometry, lanes):
-        monkeypatch.setattr(module, "FEW", 0 if request.param == "with a tree" else 32)
+    """The faces searched by a tree although they are few, and looked at one by one."""
+    monkeypatch.setattr(reduction, "FEW", 0 if request.param == "with a tree" else 32)
 
 
 def compare(scene, start, method, step, duration):
-    """Hold a flight against the plain one: frames, impacts one by one, facets passed. Returns it."""
+    """Hold a flight against the plain one: frames, impacts one by one, faces passed. Returns it."""
     flight = fly(scene, start, method, step=step, duration=duration)
     times = flight.trajectory.time
     expected = [plain.Flight(scene, start, i, method, step, times) for i in range(len(start))]
@@ -52,7 +51,7 @@ def compare(scene, start, method, step, duration):
 @pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_single_long_step(seed, many):
-    """300 balls, anywhere and anyhow, fast enough to meet any of the facets, from any side."""
+    """300 balls, anywhere and anyhow, fast enough to meet any of the faces, from any side."""
     scene = room(many, damping=0.3, wall_mass=10.0, forces={"air": AIR})
     flight = compare(scene, random_balls(seed, 300, speed=12.0, radius=0.1), "rk4_original", 0.1, 0.1)
     assert len(flight.bounces) > 100 and flight.penetrations > 5
@@ -94,7 +93,7 @@ def test_the_leak(searched):
 
 @pytest.mark.parametrize("length, hits", [(22.1, 1), (21.9, 0)])
 def test_shallow_ray(searched, length, hits):
-    """At 1 : 100 the moved facet is met after 1 m, but counts only if the centre's ray meets the real one, at 11 m."""
+    """At 1 : 100 the moved face is met after 1 m, but counts only if the centre's ray meets the real one, at 11 m."""
     scene = Scene(gravity=FREE, surfaces={"floor": Rectangle(center=FREE, normal=(0, 1, 0), size=(length, 2))})
     flight = fly(scene, balls((0, 0.11, 0), (1, -0.01, 0), radius=0.1), step=2.0, duration=2.0)
     assert len(flight.bounces) == hits
@@ -201,7 +200,7 @@ def test_no_crack_at_any_grid_line():
         np.column_stack([line[:, k], 0 * z, z + dz]) for k, dz in ((0, -1), (1, -1), (1, 2), (2, -1))
     )
     pair = np.arange(n)[:, None, None] + n * np.array([(0, 1, 2), (3, 2, 1)])
-    strip = Triangles(np.concatenate([west, near, far, east]), np.repeat(pair, LEAF, axis=1).reshape(-1, 3))
+    strip = Triangles(np.concatenate([west, near, far, east]), np.repeat(pair, WIDE, axis=1).reshape(-1, 3))
     start = balls(np.column_stack([line[:, 1], 0 * z + 1, z]), (0, -1, 0), radius=0.25)
     flight = fly(Scene(gravity=FREE, surfaces={"strip": strip}), start, step=0.5, duration=2.0)
     assert len(flight.bounces) == n and flight.penetrations == 0
@@ -213,7 +212,7 @@ def test_a_ball_without_velocity_hits_nothing(searched):
     assert np.array_equal(flight.trajectory.position[:, 0], [(0, 0.5, 0)] * 3)
 
 
-def test_penetrations_count_facets(searched):
+def test_penetrations_count_faces(searched):
     """Through a wall of two sides and back by a spring: twice; through a one-sided plane only to its back."""
     wall = {"wall": Rectangle(center=FREE, normal=(0, 1, 0), size=(2, 2))}
     for surfaces, passed in ((wall, 2), (FLOOR, 1)):

@@ -1,10 +1,11 @@
 """Blocks of lanes: what a ball does depends on its own data and nothing else."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from sim import integrators, jit, simulate
-from sim.advance import advance
+from sim import integrators, jit
 from sim.model import Balls
 from tests.sim.helpers import CORRIDOR, LIFT, fly, random_balls, room
 
@@ -63,14 +64,10 @@ def test_counts_are_sums_over_balls():
 @pytest.mark.parametrize("method", integrators.names())
 def test_compiled_is_what_the_plain_functions_compute(monkeypatch, method, fields):
     """Bit for bit: no fused or reordered arithmetic."""
-
-    def plain_kernel(method, selective):
-        return jit.bind(advance, compiled=False, step=integrators.load(method)[1], SELECTIVE=selective)
-
     scene, balls = room(many=False, forces=fields), random_balls(2, 12, speed=20.0, released=0.0173 * np.arange(12))
     options = {"method": method, "step": 0.02, "duration": 0.4033, "every": 0.05}
     compiled = fly(scene, balls, **options)
-    monkeypatch.setattr(simulate, "kernel", plain_kernel)
+    monkeypatch.setattr(jit, "bind", partial(jit.bind, compiled=False))
     plain = fly(scene, balls, **options)
     assert len(plain.bounces) > 20
     assert np.array_equal(plain.bounces, compiled.bounces)
@@ -85,11 +82,8 @@ def test_compiled_is_what_the_plain_functions_compute(monkeypatch, method, field
 def test_compiled_walks_the_tree_as_the_plain_functions_do(monkeypatch):
     scene, balls = room(many=True), random_balls(2, 12, speed=20.0)
     compiled = fly(scene, balls, step=0.02, duration=0.2)
-    monkeypatch.setattr(
-        simulate, "kernel", lambda m, n: jit.bind(advance, compiled=False, step=integrators.load(m)[1], SELECTIVE=n)
-    )
-    with np.errstate(all="ignore"):  # boxes of unbounded planes
-        plain = fly(scene, balls, step=0.02, duration=0.2)
+    monkeypatch.setattr(jit, "bind", partial(jit.bind, compiled=False))
+    plain = fly(scene, balls, step=0.02, duration=0.2)
     assert len(plain.bounces) > 10
     assert np.array_equal(plain.bounces, compiled.bounces)
     assert np.array_equal(plain.trajectory.position, compiled.trajectory.position)

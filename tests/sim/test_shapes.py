@@ -1,10 +1,10 @@
-"""Shapes: where their facets lie, which way they face, and that what is drawn is what is hit."""
+"""Shapes: where their faces lie, which way they face, and that what is drawn is what is hit."""
 
 import numpy as np
 import pytest
 
-from sim.geometry import PARALLELOGRAM, PLANE, TRIANGLE
 from sim.model import Invalid
+from sim.reduction import features
 from sim.shapes import SHAPES, Box, Heightfield, Plane, Rectangle, Triangles
 from tests.sim.helpers import soup
 
@@ -21,21 +21,25 @@ SOME = {
 NEAR = {"rtol": 0, "atol": 1e-14}  # some roundings of values below 10
 
 
-def edges(facets):
-    """e1, e2 (n, 3) back from the coordinates `across` along them: their pseudo-inverse."""
-    return np.linalg.pinv(facets.across).transpose(2, 0, 1)
+def faces_of(shape):
+    return features([shape], np.zeros((0, 3)))[0].faces
 
 
-def areas(facets):
-    share = np.where(facets.outline == TRIANGLE, 0.5, 1.0)
-    return share * np.linalg.norm(np.cross(*edges(facets)), axis=1)
+def loop(faces, f):
+    """The segments (k, 2, 3) m of the outline of face f, back on its plane."""
+    axis, n, p = faces.axis[f], faces.normal[f], faces.point[f]
+    ends = faces.outline[faces.first[f] : faces.first[f + 1]].reshape(-1, 2, 2)
+    out = np.empty((len(ends), 2, 3))
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    out[..., u], out[..., v] = ends[..., 0], ends[..., 1]
+    out[..., axis] = p[axis] - (n[u] * (out[..., u] - p[u]) + n[v] * (out[..., v] - p[v])) / n[axis]
+    return out
 
 
-def corners(facets, f):
-    """The corners (k, 3) of facet f."""
-    e1, e2 = (e[f] for e in edges(facets))
-    p = facets.point[f]
-    return np.array([p, p + e1, p + e2] + ([p + e1 + e2] if facets.outline[f] == PARALLELOGRAM else []))
+def areas(faces):
+    """Of faces in one piece, by their outlines, which here run all the same way."""
+    around = [np.cross(*(loop(faces, f) - faces.point[f]).transpose(1, 0, 2)).sum(axis=0) / 2 for f in range(len(faces.axis))]
+    return np.linalg.norm(around, axis=1)
 
 
 def mesh_areas(mesh):
@@ -44,44 +48,36 @@ def mesh_areas(mesh):
 
 
 @pytest.mark.parametrize("name", SOME)
-def test_normals_are_units_across_both_edges(name):
-    facets = SOME[name].facets()
-    e1, e2 = edges(facets)
-    assert np.allclose(np.linalg.norm(facets.normal, axis=1), 1, **NEAR)
-    for edge in (e1, e2):
-        assert np.allclose(np.sum(facets.normal * edge, axis=1), 0, **NEAR)
-    assert (np.sum(np.cross(e1, e2) * facets.normal, axis=1) > 0).all()
+def test_normals_are_units_across_the_outline(name):
+    faces = faces_of(SOME[name])
+    assert np.allclose(np.linalg.norm(faces.normal, axis=1), 1, **NEAR)
+    assert np.array_equal(np.abs(faces.normal).argmax(axis=1), faces.axis)
+    vertices = SOME[name].mesh().vertices
+    for f in range(len(faces.axis)):
+        assert np.abs(vertices - faces.point[f]).max(axis=1).min() == 0
+        for x in loop(faces, f).reshape(-1, 3):
+            # lifted back onto the plane it must be a vertex of the mesh
+            assert np.abs(vertices - x).max(axis=1).min() < 1e-13
 
 
 @pytest.mark.parametrize("name", [name for name in SOME if name != "plane"])
 def test_drawn_is_what_is_hit(name):
-    """The same corners, the same area, facing the same way."""
-    facets, mesh = SOME[name].facets(), SOME[name].mesh()
-    total = np.concatenate([corners(facets, f) for f in range(len(facets.point))])
-    for one, other in ((total, mesh.vertices), (mesh.vertices, total)):
-        assert all(np.abs(other - x).max(axis=1).min() < 1e-13 for x in one)  # some roundings of values below 10
-    assert areas(facets).sum() == pytest.approx(np.linalg.norm(mesh_areas(mesh), axis=1).sum(), rel=1e-13)
-    assert np.allclose(areas(facets) @ facets.normal, mesh_areas(mesh).sum(axis=0), rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("name", [name for name in SOME if name != "plane"])
-def test_bounds_hold_every_corner_and_little_more(name):
-    facets = SOME[name].facets()
-    for f in range(len(facets.point)):
-        c = corners(facets, f)
-        assert (facets.low[f] <= c.min(axis=0)).all() and (c.max(axis=0) <= facets.high[f]).all()
-        assert np.allclose((facets.low[f], facets.high[f]), (c.min(axis=0), c.max(axis=0)), rtol=0, atol=1e-9)
+    """The same area, facing the same way."""
+    faces, mesh = faces_of(SOME[name]), SOME[name].mesh()
+    assert areas(faces).sum() == pytest.approx(np.linalg.norm(mesh_areas(mesh), axis=1).sum(), rel=1e-13)
+    assert np.allclose(areas(faces) @ faces.normal, mesh_areas(mesh).sum(axis=0), rtol=0, atol=1e-13)
+    assert np.array_equal(faces.two_sided, [SOME[name].two_sided] * len(faces.axis))
 
 
 def test_plane():
-    facets = SOME["plane"].facets()
-    assert np.allclose(facets.normal, np.array([[1, -2, 0.5]]) / np.sqrt(5.25), **NEAR)
-    assert facets.outline == PLANE and not facets.two_sided
-    assert np.isinf(facets.low).all() and np.isinf(facets.high).all()
-    mesh = SOME["plane"].mesh()
-    assert np.allclose((mesh.vertices - (1, 2, 3)) @ facets.normal[0], 0, **NEAR)
+    (found, _), mesh = features([SOME["plane"]], np.zeros((0, 3))), SOME["plane"].mesh()
+    faces = found.faces
+    assert np.allclose(faces.normal, np.array([[1, -2, 0.5]]) / np.sqrt(5.25), **NEAR)
+    assert found.everywhere == 1 and not faces.two_sided and list(faces.first) == [0, 0] and len(faces.outline) == 0
+    assert abs((faces.point[0] - (1, 2, 3)) @ faces.normal[0]) < 1e-14
+    assert np.allclose((mesh.vertices - (1, 2, 3)) @ faces.normal[0], 0, **NEAR)
     assert np.allclose(mesh.vertices.mean(axis=0), (1, 2, 3), **NEAR)
-    assert (mesh_areas(mesh) @ facets.normal[0] > 0).all()
+    assert (mesh_areas(mesh) @ faces.normal[0] > 0).all()
 
 
 @pytest.mark.parametrize(
@@ -98,27 +94,25 @@ def test_plane():
 )
 def test_up_gives_the_second_side(normal, up, second):
     rectangle = Rectangle(center=(1, 2, 3), normal=normal, size=(2, 3), up=up)
-    facets = rectangle.facets()
-    e1, e2 = (e[0] for e in edges(facets))
+    mesh = rectangle.mesh()
+    corner, second_of_e1, _, second_of_e2 = mesh.vertices
     n = np.array(normal) / np.linalg.norm(normal)
-    assert np.allclose(e2, 3 * np.array(second), **NEAR)
-    assert np.allclose(e1, 2 * np.cross(second, n), **NEAR)
-    assert np.allclose(facets.normal[0], n, **NEAR) and facets.two_sided.all()
-    assert np.allclose(facets.point[0] + (e1 + e2) / 2, (1, 2, 3), **NEAR)
-    assert np.allclose(rectangle.mesh().vertices.mean(axis=0), (1, 2, 3), **NEAR)
+    assert np.allclose(second_of_e2 - corner, 3 * np.array(second), **NEAR)
+    assert np.allclose(second_of_e1 - corner, 2 * np.cross(second, n), **NEAR)
+    assert np.allclose(faces_of(rectangle).normal[0], n, **NEAR)
+    assert np.allclose(mesh.vertices.mean(axis=0), (1, 2, 3), **NEAR)
 
 
 @pytest.mark.parametrize("inside", [False, True])
 def test_box_is_closed_and_faces_where_a_ball_can_be(inside):
-    facets = SOME["room" if inside else "box"].facets()
-    assert len(facets.point) == 6 and not facets.two_sided.any()
-    assert sorted(areas(facets)) == pytest.approx([6, 6, 8, 8, 12, 12], rel=1e-14)
+    faces = faces_of(SOME["room" if inside else "box"])
+    assert len(faces.axis) == 6 and not faces.two_sided.any()
+    assert sorted(areas(faces)) == pytest.approx([6, 6, 8, 8, 12, 12], rel=1e-14)
     # the divergence theorem, for a constant and for x / 3: nothing flows through, the volume does
-    assert np.allclose(areas(facets) @ facets.normal, 0, **NEAR)
-    middle = facets.point + sum(edges(facets)) / 2
-    volume = areas(facets) @ np.sum(middle * facets.normal, axis=1) / 3
+    assert np.allclose(areas(faces) @ faces.normal, 0, **NEAR)
+    volume = areas(faces) @ np.sum(faces.point * faces.normal, axis=1) / 3
     assert volume == pytest.approx(-24 if inside else 24, rel=1e-13)
-    outward = np.sum((middle - (1, 2, 3)) * facets.normal, axis=1)
+    outward = np.sum((faces.point - (1, 2, 3)) * faces.normal, axis=1)
     assert (outward < 0).all() if inside else (outward > 0).all()
 
 
@@ -128,27 +122,18 @@ def test_heightfield():
     assert np.allclose(y, 0.3 * np.sin(2 * x) * np.cos(2 * z), **NEAR)
     assert sorted(set(x)) == pytest.approx(np.linspace(-2, 2, 6))
     assert sorted(set(z)) == pytest.approx(np.linspace(-1.5, 1.5, 5))
-    facets = field.facets()
-    assert len(facets.point) == 2 * 5 * 4 and (facets.normal[:, 1] > 0).all() and facets.two_sided.all()
+    area = mesh_areas(field.mesh())
+    assert len(area) == 2 * 5 * 4 and (area[:, 1] > 0).all()
     # seen from above the triangles cover the field once
-    assert areas(facets) @ facets.normal[:, 1] == pytest.approx(12, rel=1e-13)
+    assert area[:, 1].sum() == pytest.approx(12, rel=1e-13)
 
 
 def test_heightfield_covers_each_place_once():
-    """Random places seen from above are in one triangle each."""
-    facets = SOME["heightfield"].facets()
-    for x, z in np.random.default_rng(0).uniform((-2, -1.5), (2, 1.5), (200, 2)):
-        p = facets.point
-        y = p[:, 1] - (facets.normal[:, 0] * (x - p[:, 0]) + facets.normal[:, 2] * (z - p[:, 2])) / facets.normal[:, 1]
-        place = np.stack([np.full_like(y, x), y, np.full_like(y, z)], axis=1)
-        u, v = np.einsum("nkj,nj->kn", facets.across, place - p)
+    """Random places seen from above are over one triangle each."""
+    a, b, c = SOME["heightfield"].mesh().vertices[SOME["heightfield"].mesh().triangles][:, :, [0, 2]].transpose(1, 0, 2)
+    for x in np.random.default_rng(0).uniform((-2, -1.5), (2, 1.5), (200, 2)):
+        u, v = np.linalg.solve(np.stack([b - a, c - a], axis=2), (x - a)[..., None])[..., 0].T
         assert np.sum((u >= 0) & (v >= 0) & (u + v <= 1)) == 1
-
-
-def test_triangles_without_an_area_are_left_out():
-    vertices = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0)], float)
-    shape = Triangles(vertices, np.array([(0, 1, 2), (0, 1, 3), (1, 1, 3)]))
-    assert len(shape.facets().point) == 1 and len(shape.mesh().triangles) == 3
 
 
 @pytest.mark.parametrize(

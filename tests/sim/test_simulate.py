@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim import lanes, simulate
+from sim import engines, lanes, simulate
 from sim.forces import Spring
 from sim.model import Invalid
 from sim.shapes import Box, Plane
@@ -119,7 +119,7 @@ def test_just_below_the_limit_is_no_divergence():
 @pytest.mark.parametrize("asked", [1, 2, 5])
 def test_a_stopped_run_has_the_frames_that_all_balls_have(monkeypatch, asked):
     """Three blocks, looked at in turn; stopped at some question it has just the frames that are whole."""
-    monkeypatch.setattr(simulate, "BUDGET", 10)
+    monkeypatch.setattr(engines, "BUDGET", 10)
     scene, start = room(many=False), random_balls(2, 130, released=0.0073 * np.arange(130))
     whole = fly(scene, start, step=0.01, duration=1.0, every=0.05)
     questions = []
@@ -141,7 +141,7 @@ def test_a_stopped_run_has_the_frames_that_all_balls_have(monkeypatch, asked):
 
 
 def test_a_long_run_stops_soon_although_frames_are_far_apart(monkeypatch):
-    monkeypatch.setattr(simulate, "BUDGET", 10)
+    monkeypatch.setattr(engines, "BUDGET", 10)
     questions = []
     simulation(Scene(), balls(FREE, FREE), step=1e-3, duration=1.0, every=1.0).run(lambda: bool(questions.append(1)))
     assert len(questions) >= 100
@@ -154,7 +154,7 @@ def test_blocks_are_not_seen(monkeypatch):
     assert len(whole.bounces) > 10 * lanes.LANES
     for size, budget in ((2 * lanes.LANES, 4096), (4096, 1), (2 * lanes.LANES, 7)):
         monkeypatch.setattr(simulate, "ROOM", size)
-        monkeypatch.setattr(simulate, "BUDGET", budget)
+        monkeypatch.setattr(engines, "BUDGET", budget)
         flight = fly(scene, start, step=0.01, duration=1.0, every=0.25)
         assert np.array_equal(flight.bounces, whole.bounces)
         assert np.array_equal(flight.trajectory.position, whole.trajectory.position, equal_nan=True)
@@ -169,7 +169,7 @@ def test_bounces_are_in_order():
 
 
 def test_surfaces_are_numbered_in_their_order():
-    """However many facets each has."""
+    """However many faces each has."""
     surfaces = {"block": Box(center=(0, 11, 0), size=(4, 4, 4)), "floor": Plane()}
     scene = Scene(gravity=FREE, surfaces=surfaces, restitution=1)
     bounces = fly(scene, balls((0, 5, 0), (0, -10, 0)), step=0.1, duration=2.0).bounces

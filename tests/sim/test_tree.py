@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from sim import geometry, jit, lanes
-from sim.tree import LEAF, along, build, passes
+from sim import reduction
+from sim.tree import STACK, WIDE, along, build, overlapping
 from tests.sim.helpers import CORRIDOR, LIFT, fly, random_balls, room
 
 pytestmark = pytest.mark.filterwarnings("error")
+
+ROOM = np.zeros(2 * STACK, np.int64), np.zeros(WIDE, bool)
 
 
 def boxes(kind, n, rng):
@@ -22,20 +24,18 @@ def boxes(kind, n, rng):
     if kind == "in a row":
         low[:, 1:], size[:] = 0, 0.1
     high = low + size
-    if kind == "with planes":
-        low[::3], high[::3] = -np.inf, np.inf
     return low, high
 
 
-def search(tree, n, x, direction, reach=np.inf):
+def search(tree, n, x, direction, reach=np.inf, margin=0.0):
     found = np.full(n, -1)
-    with np.errstate(all="ignore"):  # unbounded boxes, in plain Python
-        count = along(tree, tuple(x), tuple(direction), reach, found)
+    count = along(tree, tuple(x), tuple(direction), reach, margin, (0.0, 0.0, 0.0), found, *ROOM, n)
     return list(found[:count])
 
 
-def brute(low, high, x, direction, reach):
+def brute(low, high, x, direction, reach, margin=0.0):
     """The boxes that share a point with the segment, by the slabs."""
+    low, high = low - margin, high + margin
     with np.errstate(all="ignore"):
         a, b = (low - x) / direction, (high - x) / direction
     still = direction == 0
@@ -45,8 +45,8 @@ def brute(low, high, x, direction, reach):
     return set(np.flatnonzero(~outside & (np.maximum(near.max(axis=1), 0) <= np.minimum(far.min(axis=1), reach))))
 
 
-@pytest.mark.parametrize("kind", ["solid", "flat", "points", "coincident", "in a row", "with planes"])
-@pytest.mark.parametrize("n", [1, 2, LEAF, LEAF + 1, 33, 100])
+@pytest.mark.parametrize("kind", ["solid", "flat", "points", "coincident", "in a row"])
+@pytest.mark.parametrize("n", [1, 2, WIDE, WIDE + 1, 33, 100])
 def test_finds_all_that_brute_force_finds(kind, n):
     rng = np.random.default_rng(n)
     low, high = boxes(kind, n, rng)
@@ -55,16 +55,17 @@ def test_finds_all_that_brute_force_finds(kind, n):
     for k in range(100):
         x, direction = rng.uniform(-6, 6, 3), rng.normal(size=3)
         if k % 4 == 0:  # along the axes, from a corner: onto the very border of boxes
-            x = np.where(np.isfinite(low[k % n]), low[k % n], x)
+            x = low[k % n].copy()
             direction[rng.integers(0, 3)] = 0.0
         if k % 8 == 0:
             direction = np.eye(3)[rng.integers(0, 3)] * rng.choice([-1, 1])
-        if k % 4 == 1 and np.isfinite(low[k % n]).all():  # at a box
+        if k % 4 == 1:  # at a box
             direction = (low[k % n] + high[k % n]) / 2 - x
         reach = rng.choice([np.inf, 1.0, 7.0])
-        found = search(tree, n, x, direction, reach)
+        margin = rng.choice([0.0, 0.3])
+        found = search(tree, n, x, direction, reach, margin)
         assert len(found) == len(set(found))
-        expected = brute(low, high, x, direction, reach)
+        expected = brute(low, high, x, direction, reach, margin)
         assert expected <= set(found)
         hits += len(expected)
     assert hits >= 20
@@ -73,36 +74,53 @@ def test_finds_all_that_brute_force_finds(kind, n):
 def test_every_box_is_in_the_tree_once():
     for n in range(1, 70):
         low, high = boxes("solid", n, np.random.default_rng(n))
-        items = build(low, high).items
-        assert sorted(items[items >= 0]) == list(range(n))
+        assert sorted(build(low, high).items) == list(range(n))
 
 
 def test_no_boxes_no_tree():
     tree = build(np.zeros((0, 3)), np.zeros((0, 3)))
     assert len(tree.items) == 0
-    found = np.arange(3)
-    assert along(tree, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, found) == 3 and list(found) == [0, 1, 2]
+    found, still = np.arange(3), (0.0, 0.0, 0.0)
+    assert along(tree, still, (1.0, 0.0, 0.0), 1.0, 0.0, still, found, *ROOM, 3) == 3 and list(found) == [0, 1, 2]
 
 
-@pytest.mark.parametrize("n", [LEAF * 2**k + 1 for k in range(3, 9)])
-def test_a_search_looks_at_few_nodes(n):
-    """In a row of boxes, given in any order. One more than a full tree holds doubles the leaves: a ray near the end of
-    the row must not walk the empty ones."""
-    visited = []
-
-    def counted(tree, node, *ray):
-        visited.append(node)
-        return passes(tree, node, *ray)
-
-    walk = jit.bind(along, compiled=False, passes=counted)
+@pytest.mark.parametrize("n", [WIDE**k + 1 for k in range(1, 4)])
+def test_a_search_looks_at_few_groups(n):
+    """In a row of boxes, given in any order. One more than a full tree holds adds a level: a ray near the end of the row must not
+    walk the empty places."""
     low = np.outer(np.random.default_rng(0).permutation(n), (1.0, 0.0, 0.0))
     tree = build(low, low + 0.5)
-    for x in (0.2, n / 2 + 0.2, n - 0.8):
-        visited.clear()
-        count = walk(tree, (x, -1.0, -1.0), (0.01, 0.8, 0.6), np.inf, np.empty(n, int))
-        assert 1 <= count <= 3 * LEAF
-        # two children a level on the way down, plus some neighbours
-        assert len(visited) <= 4 * np.log2(n)
+    for x in (0.2, n // 2 + 0.2, n - 0.8):
+        groups = Counted(tree.level)
+        ray = (x, -1.0, -1.0), (0.01, 0.8, 0.6), np.inf
+        count = along(tree._replace(level=groups), *ray, 0.0, (0.0, 0.0, 0.0), np.empty(n, int), *ROOM, n)
+        assert 1 <= count <= 3
+        # a group a level on the way down, plus some neighbours
+        assert groups.asked <= 3 * (len(tree.level) - 1)
+
+
+class Counted:
+    """The numbers of the levels' first groups; one is asked for with each group that is looked at."""
+
+    def __init__(self, level):
+        self.level, self.asked = level, 0
+
+    def __getitem__(self, k):
+        self.asked += 1
+        return self.level[k]
+
+    def __len__(self):
+        return len(self.level)
+
+
+def test_a_search_in_a_grid_looks_at_few_nodes():
+    """Neighbours in any direction are neighbours in the tree."""
+    low = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
+    tree = build(low, low + 0.5)
+    query, item = overlapping(tree, low + 0.1, low + 0.4)
+    # a leaf each, and often some of the next: a box is not a power of two wide here
+    assert set(zip(query[query == item], item[query == item])) == {(i, i) for i in range(len(low))}
+    assert len(item) < 4 * len(low)
 
 
 @pytest.mark.parametrize("selective", [False, True])
@@ -111,8 +129,7 @@ def test_a_scene_flies_the_same_with_and_without(monkeypatch, selective):
     start = random_balls(9, 80, released=0.0173 * np.arange(80), radius=0.1)
     flights = {}
     for few in (0, 10**6):
-        for module in (geometry, lanes):
-            monkeypatch.setattr(module, "FEW", few)
+        monkeypatch.setattr(reduction, "FEW", few)
         for many in (False, True):
             flights[few, many] = fly(room(many, forces=forces), start, step=0.02, duration=2.0)
     for many in (False, True):
@@ -124,7 +141,37 @@ def test_a_scene_flies_the_same_with_and_without(monkeypatch, selective):
         assert tree.penetrations == none.penetrations
 
 
-def test_few_facets_need_no_tree():
+def test_few_faces_need_no_tree():
     """The scenes above are on either side of the border."""
-    assert len(geometry.gather([s.facets() for s in room(False).surfaces.values()])[1].items) == 0
-    assert len(geometry.gather([s.facets() for s in room(True).surfaces.values()])[1].items) > 0
+    for many in (False, True):
+        features, _ = reduction.features(list(room(many).surfaces.values()), np.zeros((0, 3)), edges=False)
+        assert (len(features.tree.items) > 0) == many
+
+
+def test_a_margin_is_around_each_box():
+    tree = build(np.zeros((1, 3)), np.ones((1, 3)))
+    for distance, margin, found in ((0.5, 0.0, []), (0.5, 0.4, []), (0.5, 0.6, [0])):
+        assert search(tree, 1, (-1.0, 1 + distance, 0.5), (1.0, 0.0, 0.0), margin=margin) == found
+
+
+@pytest.mark.parametrize("kind", ["solid", "flat", "points", "coincident", "in a row"])
+@pytest.mark.parametrize("n", [1, WIDE + 1, 33, 100])
+def test_overlapping_finds_all_that_brute_force_finds(kind, n):
+    rng = np.random.default_rng(n)
+    low, high = boxes(kind, n, rng)
+    at = rng.uniform(-6, 6, (50, 3))
+    at[:10] = high[rng.integers(0, n, 10)]  # touching at a corner
+    to = at + rng.uniform(0, 3, (50, 3))
+    to[10:20, 0] = np.inf
+    query, item = overlapping(build(low, high), at, to)
+    pairs = set(zip(query, item))
+    assert len(pairs) == len(query)
+    meet = ((low <= to[:, None]) & (at[:, None] <= high)).all(axis=2)
+    assert 0 < meet.sum() and set(zip(*np.nonzero(meet))) <= pairs
+
+
+def test_overlapping_looks_at_few():
+    low = np.outer(np.random.default_rng(0).permutation(1000), (1.0, 0.0, 0.0))
+    query, item = overlapping(build(low, low + 0.5), np.zeros((3, 3)), np.ones((3, 3)))
+    assert len(item) <= 3 * 2
+    assert all(len(a) == 0 for a in overlapping(build(low[:0], low[:0]), np.zeros((3, 3)), np.ones((3, 3))))

@@ -1,0 +1,51 @@
+"""The first fall of a function through zero, found without missing one.
+
+Let g >= 0 at s and g'' >= -m on [s, end]. By Taylor's theorem g(s + d) >= g + g' d - m d^2/2, so g has no zero before the
+parabola on the right has its first one, and the search may go there at once; on the way to a zero it converges from
+the left, quadratically where g' < 0, linearly to a double one. A step never passes a zero, so none is missed. In
+floating point g is known up to some `noise`; the step is taken from g + noise instead, so that it has a least length and the
+search ends, and what it may pass is a dip less deep than the noise.
+"""
+
+import numpy as np
+
+from sim.curves.cubic import dip, value  # bound to the curve's own before they are compiled
+
+EPS = np.finfo(float).eps
+MOST = 10_000  # steps of a search; some ten is usual, a double zero takes a hundred
+
+
+def stride(g, dg, m, noise):
+    """How far (s) the search may go from where the function is g with slope dg, its second derivative at least -m."""
+    g = max(g, 0.0) + noise
+    root = np.sqrt(dg * dg + 2.0 * m * g)
+    if dg < 0.0:
+        return 2.0 * g / (root - dg)
+    return (dg + root) / m if m > 0.0 else np.inf
+
+
+def polish(t, g, dg, m, noise):
+    """A zero near t, where the function is g, no more than `noise` from it, with slope dg < 0: one step of Newton's method,
+    no longer than such a g can be from a zero."""
+    longest = 2.0 * np.sqrt(2.0 * noise / m) if m > 0.0 else np.inf
+    return t + min(max(g / -dg, -longest), longest)
+
+
+def fall(line, s, end, below):
+    """The `fall` of curves without a formula for it: search for the rise where the function is below zero, then for the fall."""
+    for _ in range(MOST):
+        f, df, ddf, noise = value(line, s)
+        down, up = dip(line, df, ddf, s, end)
+        if below:
+            f, df, m = -f, -df, up
+        else:
+            m = down
+        if f <= noise and df < 0.0:
+            if not below:
+                return polish(s, f, df, m, noise)
+            below = False
+            continue
+        s += max(stride(f, df, m, noise), EPS * end)  # from a double zero on, there is no noise to step over
+        if not s <= end:
+            return np.inf
+    return s

@@ -1,0 +1,62 @@
+"""x(s) = x + v s + k s^2/2: flight under a constant acceleration k; a straight line where k = 0."""
+
+import numpy as np
+
+from sim.vector import across, axpy, dot, gap, norm, scale, sub
+
+
+def flight(x, v, k, b, w2):
+    """The curve from position x (m) at velocity v (m/s) under x'' = k - b x' - w2 (x - x(0)); here b and w2 are zero."""
+    return x, v, k
+
+
+def point(curve, s):
+    x, v, k = curve
+    return axpy(s, axpy(0.5 * s, k, v), x)
+
+
+def slope(curve, s):
+    return axpy(s, curve[2], curve[1])
+
+
+def bend(curve, s, end):
+    return norm(curve[2])
+
+
+def seen_from(curve, p):
+    """The curve of x - p."""
+    x, v, k = curve
+    return sub(x, p), v, k
+
+
+def seen_along(curve, n):
+    """The part of the curve across the unit vector n."""
+    x, v, k = curve
+    return across(n, x), across(n, v), across(n, k)
+
+
+def swelling(curve, s, length, sagitta):
+    """How a piece of the curve leaves its chord: by a part of a vector (m), and by a distance (m)."""
+    return scale(-0.125 * length * length, curve[2]), 0.0
+
+
+def project(curve, n, p, offset):
+    x, v, k = curve
+    return gap(n, x, p, offset), dot(n, v), dot(n, k)
+
+
+def start(line):
+    return line
+
+
+def fall(line, s, end, below):
+    """The one root of the quadratic at which it falls, (-u - sqrt(u^2 - 2 a f))/a, written so that nothing cancels."""
+    f, u, a = line
+    square = u * u - 2.0 * a * f
+    if square <= 0.0:
+        return np.inf
+    if u < 0.0:
+        t = 2.0 * f / (np.sqrt(square) - u) if f > 0.0 else np.inf
+    else:
+        t = -(u + np.sqrt(square)) / a if a < 0.0 else np.inf
+    return t if (s < t or s == 0.0) and t <= end else np.inf

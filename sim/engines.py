@@ -1,0 +1,139 @@
+"""What moves the balls of a simulation: one engine for the original's contact rule, one for swept contact.
+
+An engine splits the balls into parts that are moved one after the other:
+
+    parts() -> list                                all balls at their release
+    move(part, frame, record, log) -> frame, rows, bad
+        on from frame number `frame`; the next one to fill, rows of the log filled, and the first frame at which a ball of the
+        part has diverged, or None. Call it again until all frames are filled.
+    stride(time) -> int                            frames to move all parts through before the next ones
+    ends(parts) -> Ends                            where all balls are in the end
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim import advance, forces, integrators, jit, lanes, motion, travel
+from sim.curves import majorant
+from sim.packed import search_room
+
+BUDGET = 4096  # steps of a block, or pieces of flight, between two looks at `stop`: milliseconds
+
+
+class Stalled(RuntimeError):
+    """Events of a ball pile up without an end."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where n balls are when their flight or the simulation ends."""
+
+    position: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+    at_rest: np.ndarray  # (n,) bool: on a surface, without speed
+    steps: int  # of all balls together
+    passed: int  # faces that a centre passed through, of all balls together
+
+
+class Original:
+    """Blocks of balls side by side, a step at a time, with the original's contact rule."""
+
+    def __init__(self, method, dt, balls, duration, body, packed, features):
+        self.dt, self.balls, self.duration = dt, balls, duration
+        self.given = body, packed, features
+        self.kernel = jit.bind(advance.advance, step=integrators.load(method)[1], SELECTIVE=len(packed.selective))
+
+    def parts(self) -> list:
+        features = self.given[-1]
+        return [lanes.fill_block(k, self.balls, self.duration, features) for k in range(0, len(self.balls), lanes.LANES)]
+
+    def move(self, block, frame, record, log):
+        frame, rows, diverged = self.kernel(block, self.dt, *self.given, frame, record, log, BUDGET)
+        return frame, rows, frame - 1 if diverged else None
+
+    def stride(self, time):
+        interval = time[1] - time[0] if len(time) > 1 else self.duration
+        return max(1, int(BUDGET * self.dt / interval))
+
+    def ends(self, blocks) -> Ends:
+        def rows(start, count=1):
+            return np.concatenate([b.s.reshape(-1, lanes.LANES)[start // lanes.LANES :][:count, : b.count].T for b in blocks])
+
+        return Ends(
+            position=rows(lanes.X, 3),
+            velocity=rows(lanes.V, 3),
+            at_rest=np.zeros(len(self.balls), bool),
+            steps=int(rows(lanes.STEPS).sum()),
+            passed=int(rows(lanes.CROSSED).sum()),
+        )
+
+
+class Swept:
+    """Balls one by one from event to event: the exact solver, or a method with a fixed step."""
+
+    def __init__(self, method, dt, balls, duration, body, packed, features):
+        self.balls, self.duration = balls, duration
+        claims = integrators.load(method)[0] if method != "exact" else None
+        # a method of first order cannot tell a hop of a few steps from rest
+        blur = 4 * dt if claims and claims.order == 1 else 0.0
+        self.given = dt, blur, body, packed, features, search_room(features)
+        self.kernel = jit.bind(travel.travel, bare=jit.unmanaged(), **bindings(method, packed))
+
+    def parts(self) -> list:
+        states = travel.depart_states(self.balls, self.duration)
+        return [(k, states[k : k + lanes.LANES]) for k in range(0, len(states), lanes.LANES)]
+
+    def move(self, part, frame, record, log):
+        first, states = part
+        how, i, rows = self.kernel(states, first, *self.given, record, log, BUDGET)
+        if how == travel.STALLED:
+            x, age = states[i, travel.X : travel.X + 3], states[i, travel.AGE]
+            raise Stalled(
+                f"ball {first + i} has had {travel.MOST_EVENTS} events within a second, the last at age {age:.6g} s near "
+                f"({', '.join(f'{c:.4g}' for c in x)}) m: its bounces pile up"
+            )
+        bad = None
+        if how == travel.DIVERGED:
+            bad = int(states[i, travel.FRAME])
+            states[i, travel.FRAME] = len(record.time)
+        return int(states[:, travel.FRAME].min()), rows, bad
+
+    def stride(self, time):
+        return len(time)
+
+    def ends(self, parts) -> Ends:
+        states = np.concatenate([states for _, states in parts])
+        velocity = states[:, travel.V : travel.V + 3]
+        return Ends(
+            position=states[:, travel.X : travel.X + 3],
+            velocity=velocity,
+            at_rest=(states[:, travel.COUNT] > 0) & ~velocity.any(axis=1),
+            steps=int(states[:, travel.STEPS].sum()),
+            passed=int(states[:, travel.CROSSED].sum()),
+        )
+
+
+#: The names in the kernel `travel` that a curve, a solver and a method stand for.
+CURVE = "flight", "point", "slope", "bend", "project", "start", "seen_from", "seen_along", "swelling", "fall", "value", "dip"
+SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
+METHOD = "step", "interpolant"
+
+
+def bindings(method: str, packed: forces.Forces) -> dict:
+    """What the names in the kernel `travel` stand for with this method and these fields."""
+    if method == "exact":
+        rows = np.vstack([packed.steady, packed.selective[:, : len(packed.steady)]])
+        curve = "oscillation" if rows[:, [forces.W2, forces.B]].any() else "parabola"
+        parts = [(f"solvers.{method}", SOLVER)]
+    else:
+        curve = integrators.load(method)[0].curve
+        parts = [("solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
+    names = {"acceleration": motion.acceleration, "fall": majorant.fall}
+    for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
+        found = vars(importlib.import_module(f"sim.{module}"))
+        names |= {name: found[name] for name in wanted if name in found}
+    return names

@@ -1,0 +1,27 @@
+"""The buffer into which the kernels write what happens to balls: a row for each impact and each coming to rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Columns, the first in the order of sim.model.BOUNCE. A rest has a normal speed of -1.
+TIME, BALL, SURFACE, POSITION, NORMAL, SPEED_NORMAL, SPEED_TANGENTIAL, ENERGY_LOST, COLUMNS = 0, 1, 2, 3, 6, 9, 10, 11, 12
+REST = -1.0
+
+
+class Record(NamedTuple):
+    """Where the frames go."""
+
+    time: np.ndarray  # (frames,) s
+    position: np.ndarray  # (frames, balls, 3) m
+    velocity: np.ndarray  # (frames, balls, 3) m/s
+    work: np.ndarray  # (frames, balls) J, since the release
+    lost: np.ndarray  # (frames, balls) J, since the release
+
+
+def note(log, row, time, ball, surface, x, normal, speed_normal, speed_tangential, lost):
+    """Write row `row` of the log."""
+    log[row, TIME], log[row, BALL], log[row, SURFACE] = time, ball, surface
+    for k in range(3):
+        log[row, POSITION + k], log[row, NORMAL + k] = x[k], normal[k]
+    log[row, SPEED_NORMAL], log[row, SPEED_TANGENTIAL], log[row, ENERGY_LOST] = speed_normal, speed_tangential, lost

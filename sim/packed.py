@@ -1,0 +1,149 @@
+"""What a ball can touch, as the kernels see it: one row of numbers for each face, each edge and each side of an outline.
+
+Few arrays, because each one that a kernel hands on to another costs two atomic operations, more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.geometry import EDGE, Features
+from sim.tree import STACK, WIDE, Tree, along
+from sim.vector import axpy, dot, norm, scale, sub
+
+# Columns of a face. Its outline is the rows FIRST to LAST - 1 of `outline`; none: it is unbounded.
+POINT, NORMAL, SIDES, AXIS, FIRST, LAST, SURFACE, FACE_WIDTH = 0, 3, 6, 7, 8, 9, 10, 11
+# Columns of an edge.
+START, ALONG, LENGTH, OF, EDGE_WIDTH = 0, 3, 6, 7, 8
+
+
+class Packed(NamedTuple):
+    """All that a ball can touch, numbered through: n faces, then m edges."""
+
+    faces: np.ndarray  # (n, FACE_WIDTH) a point of its plane in m, its unit normal, 1 or 2 sides to touch, the
+    # coordinate in which the normal is largest, its rows of the outline, the number of its surface
+    outline: np.ndarray  # (k, 4) m, segments u0, v0, u1, v1 in the two coordinates after AXIS in cyclic order
+    edges: np.ndarray  # (m, EDGE_WIDTH) its start in m, its unit vector, its length in m, the number of its surface
+    tree: Tree  # over the boxes of all that is bounded; empty where there is little
+    everywhere: int  # so many faces, the first ones, are unbounded: in no tree, looked at always
+
+
+class Search(NamedTuple):
+    """Room to search in, one place for each feature."""
+
+    found: np.ndarray  # numbers of the features to look at; all of them, in order, where there is no tree
+    times: np.ndarray  # s, when each may be touched first
+    stack: np.ndarray  # for the way through the tree
+    passed: np.ndarray  # for the boxes of a group
+
+
+def search_room(features) -> Search:
+    n = len(features.faces) + len(features.edges)
+    return Search(np.arange(n), np.zeros(n), np.zeros(2 * STACK, np.int64), np.zeros(WIDE, bool))
+
+
+def pack(features: Features) -> Packed:
+    """The features, in the order of their tree, so that what is near in space is near in memory."""
+    f, e = features.faces, features.edges
+    n, m = len(f.surface), len(e.surface)
+    faces = np.column_stack([f.point, f.normal, 1.0 + f.two_sided, f.axis, f.first[:-1], f.first[1:], f.surface])
+    faces = faces.reshape(n, FACE_WIDTH)
+    edges = np.column_stack([e.start, e.along, e.length, e.surface]).reshape(m, EDGE_WIDTH)
+    tree, always = features.tree, features.everywhere
+    if len(tree.items):
+        order = tree.items
+        rows = np.concatenate([np.arange(always), order[order < n], order[order >= n]])
+        number = np.empty_like(rows)
+        number[rows] = np.arange(n + m)
+        faces, edges = faces[rows[:n]], edges[rows[n:] - n]
+        tree = tree._replace(items=number[tree.items])
+        first, last = faces[:, FIRST].astype(int), faces[:, LAST].astype(int)
+        count = last - first
+        begin = np.cumsum(count) - count
+        lines = np.repeat(first - begin, count) + np.arange(count.sum())
+        faces[:, FIRST], faces[:, LAST] = begin, begin + count
+        f = f._replace(outline=f.outline[lines])
+    return Packed(np.ascontiguousarray(faces), f.outline, np.ascontiguousarray(edges), tree, always)
+
+
+def bare(array):
+    """The array as it is; the compiled kernel gets it without reference count, see `sim.jit.unmanaged`."""
+    return array
+
+
+def borrowed(features):
+    """The features, their arrays bare."""
+    tree = Tree(bare(features.tree.box), bare(features.tree.items), bare(features.tree.level))
+    return Packed(bare(features.faces), bare(features.outline), bare(features.edges), tree, features.everywhere)
+
+
+def vector(rows, i, column):
+    """The vector at `column` of row i."""
+    return rows[i, column], rows[i, column + 1], rows[i, column + 2]
+
+
+def height(faces, f, x):
+    """Signed distance (m) of x to the plane of face f, positive on the side its normal points to."""
+    return dot(vector(faces, f, NORMAL), sub(x, vector(faces, f, POINT)))
+
+
+def covers(faces, outline, f, x):
+    """Whether face f covers the point x of its plane: x is inside its outline, or beside it by rounding only.
+
+    Inside is where a ray along u crosses the outline an odd number of times. A segment holds its lower end, not its upper,
+    so that a ray through a corner counts it once.
+    """
+    first, last, axis = int(faces[f, FIRST]), int(faces[f, LAST]), faces[f, AXIS]
+    if first == last:
+        return True
+    u, v = (x[1], x[2]) if axis == 0.0 else ((x[2], x[0]) if axis == 1.0 else (x[0], x[1]))
+    near, inside = EDGE * (abs(x[0]) + abs(x[1]) + abs(x[2])), False
+    for k in range(first, last):
+        u0, v0, u1, v1 = outline[k, 0], outline[k, 1], outline[k, 2], outline[k, 3]
+        du, dv = u1 - u0, v1 - v0
+        side = du * (v - v0) - dv * (u - u0)  # the distance to the segment's line times its length; positive to its left
+        if (v0 > v) != (v1 > v) and (side > 0.0) == (dv > 0.0):
+            inside = not inside
+        if side * side <= near * near * (du * du + dv * dv):
+            if min(u0, u1) - near <= u <= max(u0, u1) + near and min(v0, v1) - near <= v <= max(v0, v1) + near:
+                return True
+    return inside
+
+
+def ahead(features, x, direction, reach, search):
+    """Write into `search.found` what x + s * direction, 0 <= s <= reach, may pass through; how many they are."""
+    always, still = features.everywhere, (0.0, 0.0, 0.0)
+    found = search.found[always:]
+    return always + along(features.tree, x, direction, reach, 0.0, still, found, search.stack, search.passed, len(found))
+
+
+def from_edge(edges, e, x):
+    """The vector (m) to x from the nearest point of edge e."""
+    along = vector(edges, e, ALONG)
+    off = sub(x, vector(edges, e, START))
+    return axpy(-min(max(dot(off, along), 0.0), edges[e, LENGTH]), along, off)
+
+
+def across_edge(edges, e, x, v):
+    """The part of v across edge e; all of it where the nearest point to x is a corner at its end."""
+    axis = vector(edges, e, ALONG)
+    along = dot(sub(x, vector(edges, e, START)), axis)
+    return axpy(-dot(v, axis), axis, v) if 0.0 < along < edges[e, LENGTH] else v
+
+
+def facing(features, item, x):
+    """The unit normal at the touch of `item` with a ball at x, from the surface to the ball."""
+    n = len(features.faces)
+    if item >= n:
+        off = from_edge(features.edges, item - n, x)
+        return scale(1.0 / norm(off), off)
+    normal = vector(features.faces, item, NORMAL)
+    return normal if height(features.faces, item, x) >= 0.0 else scale(-1.0, normal)
+
+
+def surface_of(features, item):
+    """The number of the surface that a feature belongs to."""
+    n = len(features.faces)
+    return features.faces[item, SURFACE] if item < n else features.edges[item - n, OF]

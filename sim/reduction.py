@@ -1,0 +1,251 @@
+"""From triangles to what a ball can touch: faces merged where they are flat, and only the edges that stick out.
+
+An edge in a plane or in a valley is never touched but together with a face beside it, so dropping it changes no answer; and a
+corner that sticks out is the end of an edge that does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.geometry import EDGE, Edges, Faces, Features
+from sim.inside import distances, sides
+from sim.sheet import Sheet, folds, merge, portions, sheet, straighten
+from sim.tree import Tree, build
+
+# With so few faces and edges, looking at every one is faster than walking a tree.
+FEW = 32
+
+LOOKS = 2**22  # segments of outlines, half a second's work
+
+
+@dataclass
+class Reduction:
+    """What became of the triangles of a surface, in numbers."""
+
+    triangles: int
+    degenerate: int = 0  # without an area, dropped
+    duplicate: int = 0  # there already, dropped
+    faces: int = 0
+    edges: int = 0  # kept
+    flat: int = 0  # sides of triangles in one plane: no edges
+    inner: int = 0  # edges that stick out only to where no ball can be, dropped
+    boundary: int = 0  # edges of one triangle
+    nonmanifold: int = 0  # edges of more than two
+    corners: int = 0  # ends of the edges kept
+    closed: bool = False  # every edge has two triangles that wind alike
+    side: str = "both"  # where balls can be: outside, inside or both
+
+
+class Part(NamedTuple):
+    """The features of one surface."""
+
+    faces: Faces
+    edges: Edges
+    low: np.ndarray  # (n, 3) m, bounding boxes of the faces
+    high: np.ndarray  # (n, 3) m
+
+
+def features(shapes: Sequence, starts: np.ndarray, reduce: bool = True, edges: bool = True) -> tuple[Features, list[Reduction]]:
+    """What balls that start at `starts` (k, 3) m can touch of the shapes' surfaces, and what was reduced, surface by surface.
+
+    A ball never gets through a closed surface, so that only the side where all of them start counts; without starts both do.
+    Without `reduce` every triangle stays a face and every edge an edge; without `edges` there are none.
+    """
+    starts = np.unique(np.asarray(starts, float).reshape(-1, 3), axis=0)
+    parts, reductions = [], []
+    for number, shape in enumerate(shapes):
+        part, reduction = _plane(shape, number) if shape.unbounded else _surface(shape, number, starts, reduce, edges)
+        parts.append(part)
+        reductions.append(reduction)
+    order = sorted(range(len(parts)), key=lambda number: not shapes[number].unbounded)
+    faces, kept, low, high = (_join(column) for column in zip(NOTHING, *(parts[number] for number in order)))
+    everywhere = sum(shape.unbounded for shape in shapes)
+    del parts
+    return Features(faces, kept, _tree(kept, low, high, everywhere), everywhere), reductions
+
+
+def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:
+    """The tree over the bounded of the faces' boxes, `low` to `high` (n, 3) m, and those of the edges; none over few."""
+    n = len(low) - everywhere
+    low, high = (np.concatenate([box[everywhere:], edges.start]) for box in (low, high))
+    if everywhere + len(low) <= FEW:
+        low, high = low[:0], high[:0]
+    for k in range(3 if len(low) else 0):
+        end = edges.start[:, k] + edges.length * edges.along[:, k]
+        low[n:, k], high[n:, k] = np.minimum(low[n:, k], end), np.maximum(high[n:, k], end)
+    # larger by what `covers` lets pass beside an outline, or the tree would open the cracks that it closes
+    margin = np.zeros(len(low))
+    for k in range(3):
+        margin = np.maximum(margin, np.maximum(-low[:, k], high[:, k]))
+    margin *= 8 * EDGE
+    low -= margin[:, None]
+    high += margin[:, None]
+    tree = build(low, high)
+    tree.items[:] += everywhere
+    return tree
+
+
+def _join(column):
+    """Parts one after the other: arrays, or Faces or Edges of arrays."""
+    if isinstance(column[0], np.ndarray):
+        some = [part for part in column if len(part)] or column[:1]
+        return np.ascontiguousarray(some[0] if len(some) == 1 else np.concatenate(some))
+    joined = type(column[0])(*(_join(arrays) for arrays in zip(*column)))
+    if isinstance(joined, Faces):
+        rows = np.concatenate([np.diff(faces.first) for faces in column])
+        joined = joined._replace(first=np.append(0, np.cumsum(rows)))
+    return joined
+
+
+def _plane(shape, number: int) -> tuple[Part, Reduction]:
+    vertices, corners = shape.mesh()
+    a, b, c = vertices[corners[0]]
+    normal = np.cross(b - a, c - a)
+    normal = (normal / np.linalg.norm(normal))[None]
+    axis = np.abs(normal).argmax(axis=1)
+    sides, numbers = np.array([shape.two_sided]), np.array([number])
+    face = Faces(a[None], normal, sides, numbers, axis, np.zeros(2, int), NO_OUTLINE)
+    reduction = Reduction(len(corners), faces=1, side="both" if shape.two_sided else "outside")
+    return Part(face, NOTHING.edges, np.full((1, 3), -np.inf), np.full((1, 3), np.inf)), reduction
+
+
+def _surface(shape, number: int, starts: np.ndarray, reduce: bool, edges: bool) -> tuple[Part, Reduction]:
+    mesh = shape.mesh()
+    whole, degenerate, duplicate = sheet(*mesh, distinct=reduce)
+    alike, rise, off, cosine = folds(whole)
+    side, closed = sides(whole, alike, starts if reduce else starts[:0])
+    if not shape.two_sided:
+        side = np.ones_like(side)
+    one, other = whole.pairs.T
+
+    # of two triangles the smaller tells whether they are in one plane: its own, drawn out to the larger, is less sure
+    flat = reduce & (off <= whole.rounding) & (cosine > 0) & (alike | shape.two_sided)
+    while True:
+        first, normal, face, sign = merge(whole, flat)
+        level = reduce & (face[one // 3] == face[other // 3]) & (cosine > 0)
+        faces, low, high = _faces(whole, level, first, normal, face, sign, side)
+        double = _double(whole, faces, face)
+        if len(double) == 0:
+            break
+        flat &= ~np.isin(face[one // 3], double)
+    inner = reduce & ~level & alike & (side[one // 3] * rise > whole.rounding)
+
+    out = ~level & ~inner
+    kept = np.concatenate([whole.border, whole.crowded, one[out]])
+    beyond = np.concatenate([np.full(len(whole.border), -1), np.full(len(whole.crowded), -2), face[other[out] // 3]])
+    lines, corners = NOTHING.edges, 0
+    if edges:
+        lines, corners = _edges(whole, kept, sign[kept // 3], face[kept // 3], beyond, number, reduce)
+    reduction = Reduction(
+        triangles=len(mesh.triangles),
+        degenerate=degenerate,
+        duplicate=duplicate,
+        faces=len(first),
+        edges=len(lines.length),
+        flat=int(level.sum()),
+        inner=int(inner.sum()),
+        boundary=len(whole.border),
+        nonmanifold=len(whole.crowded),
+        corners=corners,
+        closed=closed,
+        side=_side(whole, side, closed),
+    )
+    return Part(faces._replace(surface=np.full(len(first), number)), lines, low, high), reduction
+
+
+def _side(whole: Sheet, side: np.ndarray, closed: bool) -> str:
+    """Where balls can be, in a word; `side` (m,) as `sides` tells it."""
+    if not closed or len(side) == 0 or np.any(side != side[0]) or side[0] == 0:
+        return "both"
+    origin = whole.vertices[whole.corners[0, 0]]
+    volume = np.sum((whole.vertices[whole.start[::3]] - origin) * whole.area)
+    return "outside" if side[0] * volume > 0 else "inside"
+
+
+def _faces(whole: Sheet, flat, first, normal, face, sign, side) -> tuple[Faces, np.ndarray, np.ndarray]:
+    """The faces and their boxes."""
+    n = len(first)
+    outer = np.ones(len(whole.start), bool)
+    outer[whole.pairs[flat]] = False
+    merged = np.bincount(face, minlength=n) > 1
+    alone, some = (np.flatnonzero(outer & np.repeat(which[face], 3)) for which in (~merged, merged))
+    turned = sign[some // 3] < 0
+    a, b = np.where(turned, whole.end[some], whole.start[some]), np.where(turned, whole.start[some], whole.end[some])
+    line, end = straighten(whole, a, b, face[some // 3])
+
+    of = np.concatenate([face[alone // 3], face[some[line] // 3]])
+    order = np.argsort(of, kind="stable")
+    of = of[order]
+    begin, end = np.concatenate([whole.start[alone], a[line]])[order], np.concatenate([whole.end[alone], end])[order]
+    axis = np.abs(normal).argmax(axis=1)
+    outline = np.empty((len(of), 4))
+    for rows in portions(len(of)):
+        u, v = ((axis[of[rows]] + shift) % 3 for shift in (1, 2))
+        for column, (vertex, coordinate) in enumerate(((begin, u), (begin, v), (end, u), (end, v))):
+            outline[rows, column] = whole.vertices[vertex[rows], coordinate]
+
+    # one-sided faces look to where the balls are
+    toward = side[first]
+    point = whole.vertices[whole.corners[first, 0]]
+    normal = np.where(toward < 0, -1.0, 1.0)[:, None] * normal
+    boxes = []
+    for join, far in ((np.minimum, np.inf), (np.maximum, -np.inf)):
+        box = np.full((n, 3), far)
+        for k in range(3):
+            join.at(box, face, whole.vertices[whole.corners[:, k]])
+        boxes.append(box)
+    rows = np.append(0, np.cumsum(np.bincount(of, minlength=n)))
+    return Faces(point, normal, toward == 0, np.zeros(n, int), axis, rows, outline), *boxes
+
+
+def _double(whole: Sheet, faces: Faces, face: np.ndarray) -> np.ndarray:
+    """Faces whose triangles lie over each other: there they would be taken for holes. `face` (m,) is that of each triangle.
+
+    It shows where a triangle's middle is not covered. Of a million triangles with long outlines some are looked at.
+    """
+    some = np.flatnonzero(np.bincount(face)[face] > 1)
+    some = some[:: 1 + np.diff(faces.first)[face[some]].sum() // LOOKS]
+    middle = sum(whole.vertices[whole.corners[some, k]] for k in range(3)) / 3
+    return np.unique(face[some[distances(faces, face[some], middle) > 4 * whole.rounding]])
+
+
+def _edges(whole: Sheet, kept, sign, here, beyond, number: int, reduce: bool) -> tuple[Edges, int]:
+    """The edges of sides `kept` (k,) between faces `here` and `beyond`, made one where they go straight on, and the count of
+    their distinct ends."""
+    a, b = whole.start[kept], whole.end[kept]
+    if reduce:
+        # run all edges between two faces the same way, along the outline of the one
+        swap = (beyond > here) != (sign < 0)
+        low, high = np.minimum(here, beyond), np.maximum(here, beyond)
+        a, b = np.where(swap, b, a), np.where(swap, a, b)
+        ends = np.bincount(np.concatenate([a, b]), minlength=len(whole.vertices))
+        # where no other edge meets it, an edge goes on between the same faces
+        lone = np.flatnonzero((ends[a] == 2) | (ends[b] == 2))
+        group = np.unique(low[lone] * (len(whole.corners) + 2) + high[lone], return_inverse=True)[1]
+        line, end = straighten(whole, a[lone], b[lone], group)
+        b[lone[line]] = end
+        stays = np.ones(len(a), bool)
+        stays[lone] = False
+        stays[lone[line]] = True
+        a, b = a[stays], b[stays]
+    start, way = whole.vertices[a], whole.vertices[b] - whole.vertices[a]
+    length = np.linalg.norm(way, axis=1)
+    way /= length[:, None]
+    corner = np.zeros(len(whole.vertices), bool)
+    corner[a] = corner[b] = True
+    return Edges(start, way, length, np.full(len(a), number)), int(corner.sum())
+
+
+NO_OUTLINE = np.zeros((0, 4))
+NO_ROWS, NO_NUMBER = np.zeros((0, 3)), np.zeros(0, np.int64)
+NOTHING = Part(
+    Faces(NO_ROWS, NO_ROWS, np.zeros(0, bool), NO_NUMBER, NO_NUMBER, np.zeros(1, np.int64), NO_OUTLINE),
+    Edges(NO_ROWS, NO_ROWS, np.zeros(0), NO_NUMBER),
+    NO_ROWS,
+    NO_ROWS,
+)

@@ -1,0 +1,36 @@
+"""The exact solver: the true flight in closed form, as far as the next event."""
+
+import numpy as np
+
+from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
+from sim.rest import tangent
+from sim.vector import axpy, dot
+
+# Gauss-Legendre nodes and weights on [0, 1]: for pieces of half a time constant the error is rounding.
+NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
+WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(8)[1]
+
+SMALL_STEPS = False  # a piece of flight is as long as it can be
+
+
+def goal(age, limit, dt):
+    return limit
+
+
+def depart(h, age, x, v, motion):
+    k = tangent(axpy(-motion.w2, x, motion.pull), motion.contacts)
+    return flight(x, v, k, motion.b, motion.w2), x, v
+
+
+def arrive(curve, s, h, x1, v1, age, x, v, motion):
+    return point(curve, s), slope(curve, s)
+
+
+def squared_speed(curve, s, x, v, x1, v1, motion):
+    pieces = int(np.ceil(2.0 * (motion.b + np.sqrt(motion.w2)) * s)) + 1
+    total = 0.0
+    for i in range(pieces):
+        for k in range(len(NODES)):
+            u = slope(curve, (i + NODES[k]) * s / pieces)
+            total += WEIGHTS[k] * dot(u, u)
+    return total * s / pieces

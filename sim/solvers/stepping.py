@@ -1,0 +1,36 @@
+"""A method with a fixed step: one step of the grid at a time, or what is left of it after an event."""
+
+import numpy as np
+
+from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
+from sim.vector import ROUNDING, axpy, dot, scale, sub
+
+SMALL_STEPS = True  # most touch nothing
+
+
+def goal(age, limit, dt):
+    slack = ROUNDING * limit
+    n = np.floor(age / dt)
+    if (n + 1) * dt - age <= slack:
+        n += 1
+    grid = (n + 1) * dt
+    return grid if grid < limit - slack else limit
+
+
+def depart(h, age, x, v, motion):
+    x1, v1 = step(h, age, x, v, motion)
+    return interpolant(h, age, x, v, x1, v1, motion), x1, v1
+
+
+def arrive(curve, s, h, x1, v1, age, x, v, motion):
+    if s == h:
+        return x1, v1
+    return step(s, age, x, v, motion)
+
+
+def squared_speed(curve, s, x, v, x1, v1, motion):
+    """Simpson's rule, the velocity in the middle from the cubic through both ends; of order 4."""
+    if s == 0.0:
+        return 0.0
+    middle = axpy(1.5 / s, sub(x1, x), scale(-0.25, axpy(1.0, v, v1)))
+    return s / 6.0 * (dot(v, v) + 4.0 * dot(middle, middle) + dot(v1, v1))

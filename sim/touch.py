@@ -1,0 +1,239 @@
+"""First touch: the earliest time at which a ball moving on a curve touches a surface.
+
+A ball of radius r touches a face where its centre comes down on the face's plane moved by r, with its foot inside the
+outline; and an edge, with the corners at its ends, where the centre comes as near as r to that segment. Both are first
+zeros, approached from above, of a function whose second derivative is bounded below, and the first is found surely, see
+`sim.curves.majorant`: for a face the gap n . (x - p) - r along a fixed direction; for an edge the distance to a convex set,
+which along any curve has a second derivative of at least -|x''|, since it is convex along a line and changes by no more than one
+moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.curves.majorant import MOST, polish, stride
+
+# bound to the curve's own before they are compiled
+from sim.curves.parabola import bend, fall, point, project, seen_along, seen_from, slope, start, swelling
+from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, height, vector
+from sim.tree import along
+from sim.vector import across, axpy, dot, norm, scale, sub
+
+EPS = np.finfo(float).eps
+NONE = -1
+SAGITTA = 2.0  # radii
+CROWD = 48  # features along a piece of the curve from which on it is better to look at a shorter piece first
+FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
+LEVEL = 1e-12  # of the speed: a velocity toward an edge that is rounding
+TIE = 1e-12  # of the time: an edge touched before a face by no more than this is taken for touched with it
+
+
+def first_touch(curve, features, search, radius, end, contacts, left):
+    """The first feature touched within `end` (s), and when: (item, s), or (NONE, inf).
+
+    Of those touched at the same time a face comes before an edge, then the lowest number. What the ball lies on, by its
+    `contacts`, is not looked at, and the face `left`, which it has just slid off, is not touched at once.
+    """
+    count = features.everywhere if len(features.tree.items) > 0 else len(search.found)
+    item, best = earliest(curve, features, search.found, search.times, count, radius, 0.0, end, NONE, end, contacts, left)
+    if len(features.tree.items) == 0:
+        return item, best if item != NONE else np.inf
+
+    found = search.found[features.everywhere :]
+    s, x, piece = 0.0, point(curve, 0.0), end
+    while True:
+        length, bulge, margin = next_chord(curve, s, min(best, s + piece), SAGITTA * radius)
+        x1 = point(curve, s + length)
+        chord, reach = sub(x1, x), radius + margin
+        count = along(features.tree, x, chord, 1.0, reach, bulge, found, search.stack, search.passed, CROWD)
+        if count > CROWD:
+            if dot(chord, chord) > radius * radius:
+                piece = 0.5 * length
+                continue
+            count = along(features.tree, x, chord, 1.0, reach, bulge, found, search.stack, search.passed, len(found))
+        count = sift(features.faces, features.edges, found, count, x, x1, reach + norm(bulge))
+        item, best = earliest(curve, features, found, search.times, count, radius, s, s + length, item, best, contacts, left)
+        s, x, piece = s + length, x1, 4.0 * length
+        if not s < best:
+            return item, best if item != NONE else np.inf
+
+
+def next_chord(curve, s, end, off):
+    """How long (s) a piece of the curve from s on may be to stay within `off` (m) of its chord, and how near it does stay: it
+    may leave it by a part of the vector `bulge` (m) and by `margin` (m), together no more than max |x''| length^2 / 8."""
+    length = end - s
+    sagitta = 0.125 * bend(curve, s, end) * length * length
+    while sagitta > off:
+        length *= max(0.1, 0.99 * np.sqrt(off / sagitta))
+        sagitta = 0.125 * bend(curve, s, s + length) * length * length
+    bulge, margin = swelling(curve, s, length, sagitta)
+    return length, bulge, margin
+
+
+def sift(faces, edges, found, count, x, x1, reach):
+    """Of the first `count` features in `found`, keep those that may be within `reach` (m) of the chord from x to x1 (m): of faces
+    those whose plane is, of edges those that are. Returns how many; rounding is left to the sagitta, which is never so small."""
+    kept, n, chord = 0, len(faces), sub(x1, x)
+    reach *= 1.0 + 1e-9
+    for c in range(count):
+        i = found[c]
+        if i < n:
+            normal, point = vector(faces, i, NORMAL), vector(faces, i, POINT)
+            h = dot(normal, sub(x, point))
+            h1 = h + dot(normal, chord)
+            near = min(h, h1) <= reach and max(h, h1) >= -reach
+        else:
+            near = distance_squared(edges, i - n, x, chord) <= reach * reach
+        if near:
+            found[kept] = i
+            kept += 1
+    return kept
+
+
+def distance_squared(edges, e, x, chord):
+    """The square of the distance (m^2) between edge e and the segment x + t chord, 0 <= t <= 1 (Ericson 2005, section 5.1.9)."""
+    axis, length = vector(edges, e, ALONG), edges[e, LENGTH]
+    off = sub(x, vector(edges, e, START))
+    a, b, c, f = dot(chord, chord), dot(chord, axis), dot(chord, off), dot(axis, off)
+    t, slant = 0.0, a - b * b
+    if slant > 1e-12 * a:
+        t = min(max((b * f - c) / slant, 0.0), 1.0)
+    u = b * t + f
+    if u < 0.0 or u > length:
+        u = min(max(u, 0.0), length)
+        t = min(max((b * u - c) / a, 0.0), 1.0) if a > 0.0 else 0.0
+    gap = axpy(-u, axis, axpy(t, chord, off))
+    return dot(gap, gap)
+
+
+def earliest(curve, features, found, times, count, radius, begin, end, item, best, contacts, left):
+    """The earliest touch known, of `item` at `best` (s), or an earlier one of the first `count` features in `found`.
+
+    Edges are not touched before `begin`, and looked at up to `end` only.
+    """
+    faces, edges = features.faces, features.edges
+    n = len(faces)
+    for c in range(count):
+        i = found[c]
+        if contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts):
+            times[c] = np.inf
+        elif i < n:
+            times[c] = first_fall(plane_gap(curve, faces, i, 1.0, radius), radius, best)
+            if i == left and times[c] * norm(slope(curve, 0.0)) <= FLAT * radius:
+                times[c] = fall(plane_gap(curve, faces, i, 1.0, radius), times[c], best, True)
+            if faces[i, SIDES] > 1.0:
+                times[c] = min(times[c], first_fall(plane_gap(curve, faces, i, -1.0, radius), radius, best))
+        else:
+            times[c] = touch_edge(curve, edges, i - n, radius, begin, min(best, end))
+    while True:
+        first, soonest = NONE, rank(best, item, n)
+        for c in range(count):
+            s = rank(times[c], found[c], n)
+            lowest = item if first == NONE else found[first]
+            if s < soonest or (s == soonest and (lowest == NONE or found[c] < lowest)):
+                first, soonest = c, s
+        if first == NONE:
+            return item, best
+        i, s = found[first], times[first]
+        if i >= n or lands(curve, faces, features.outline, i, s):
+            return i, s
+        # it comes down beside the face, and may come again
+        times[first] = fall(plane_gap(curve, faces, i, 1.0, radius), s, best, True)
+        if faces[i, SIDES] > 1.0:
+            times[first] = min(times[first], fall(plane_gap(curve, faces, i, -1.0, radius), s, best, True))
+
+
+def lies_on(curve, faces, edges, i, radius, contacts):
+    """Whether feature i is one that the ball lies on, or an edge in the plane of one: that is touched only where the ball,
+    sliding, leaves the face."""
+    x = point(curve, 0.0)
+    for k in range(contacts.count):
+        if i == contacts.items[k]:
+            return True
+        e, n = i - len(faces), contacts.normals[k]
+        if e >= 0 and abs(dot(n, vector(edges, e, ALONG))) <= FLAT:
+            if abs(dot(n, sub(vector(edges, e, START), x)) + radius) <= FLAT * radius:
+                return True
+    return False
+
+
+def rank(s, i, n):
+    """By what touches are put in order: the time, but an edge gives way to a face."""
+    return s * (1.0 + TIE) if i >= n else s
+
+
+def plane_gap(curve, faces, f, side, radius):
+    """The gap (m) between the ball and one side of the plane of face f, along the curve."""
+    return project(curve, scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT), radius)
+
+
+def first_fall(line, radius, end):
+    """When (s) the gap first falls through zero; at once where the ball is in touch, or by rounding a little further."""
+    gap, speed, push = start(line)
+    sinks = speed < 0.0 or (speed == 0.0 and push < 0.0)
+    if gap > 0.0 or (gap == 0.0 and not sinks):
+        return fall(line, 0.0, end, False)
+    if sinks and gap >= -radius:
+        return 0.0
+    return fall(line, 0.0, end, True)
+
+
+def lands(curve, faces, outline, f, s):
+    """Whether the foot of a ball that meets the plane of face f after the time s (s) is on the face."""
+    x = point(curve, s)
+    return covers(faces, outline, f, axpy(-height(faces, f, x), vector(faces, f, NORMAL), x))
+
+
+def touch_edge(curve, edges, e, radius, begin, end):
+    """When (s) the ball first touches edge e or a corner at its ends, from `begin` on; inf if not within `end`.
+
+    The distance to the edge's whole line is no more than that to the edge, and bent only by what happens across it: of the
+    two ways to go on without missing a touch the longer is taken.
+    """
+    axis, length = vector(edges, e, ALONG), edges[e, LENGTH]
+    near = seen_from(curve, vector(edges, e, START))
+    flat = seen_along(near, axis)
+    s = begin
+    for _ in range(MOST):
+        x, v = point(near, s), slope(near, s)
+        along, line = dot(x, axis), across(axis, x)
+        off = axpy(-min(max(along, 0.0), length), axis, x)
+        distance, wide = norm(off), norm(line)
+        gap, speed = distance - radius, dot(off, v) / distance
+        # of the place at the start and here, and of the time
+        noise = 4.0 * EPS * (norm(near[0]) + norm(x) + norm(v) * s)
+        m = bend(near, s, end)
+        if s == 0.0 and abs(gap) <= start_noise(curve, edges, e, distance):
+            rise = lift(curve, edges, e, off, along)
+            if abs(speed) <= LEVEL * norm(v) and rise >= 0.0:
+                speed = 0.0
+            elif speed > 0.0 and speed * speed < -2.0 * rise * noise:  # a hop too low to see
+                return -2.0 * speed / rise if -2.0 * speed / rise <= end else np.inf
+        if gap <= noise and speed < 0.0:
+            t = polish(s, gap, speed, m, noise)
+            # of a hop too low to see, not back to where it still rises
+            return t if 0.0 < t and dot(off, slope(near, t)) < 0.0 else s
+        step = stride(gap, speed, m, noise)
+        if wide > radius:
+            step = max(step, stride(wide - radius, dot(line, v) / wide, bend(flat, s, end), noise))
+        s += step
+        if not s <= end:
+            return np.inf
+    return s
+
+
+def start_noise(curve, edges, e, distance):
+    """How well (m) the distance of a ball from an edge is known at its start."""
+    x, p = point(curve, 0.0), vector(edges, e, START)
+    return 16.0 * EPS * (abs(x[0]) + abs(x[1]) + abs(x[2]) + abs(p[0]) + abs(p[1]) + abs(p[2]) + distance)
+
+
+def lift(curve, edges, e, off, along):
+    """The second derivative (m/s^2) of the distance to an edge from which the ball is `off` (m) at the start of the curve, while
+    it moves along its surface: n . x'' + (speed around)^2/distance."""
+    distance = norm(off)
+    v, n = slope(curve, 0.0), scale(1.0 / distance, off)
+    _, _, push = start(project(curve, n, point(curve, 0.0), 0.0))
+    around = across(vector(edges, e, ALONG), v) if 0.0 < along < edges[e, LENGTH] else v
+    return push + dot(around, around) / distance
