@@ -141,8 +141,8 @@ def test_runs_with_the_same_key_share_a_kernel_and_no_others(here):
         keys.setdefault(sweeping.kernel_key(each), set()).add(kernel)
         kernels.setdefault(kernel, set()).add(sweeping.kernel_key(each))
     assert all(len(each) == 1 for each in (*keys.values(), *kernels.values()))
-    # three methods by two rules, with and without a field to look at; and exact with and without that, and with drag
-    assert len(keys) == 3 * 2 * 2 + 2 * 2
+    # three methods: swept, and the original's rule with and without a field to look at; and exact with and without drag
+    assert len(keys) == 3 + 3 * 2 + 2
 
 
 def test_the_references_kernel_is_compiled_beforehand(here, inline, monkeypatch):
