@@ -17,11 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim import advance, forces, integrators, jit, lanes, motion, travel
+from sim import advance, forces, integrators, jit, lanes, motion, state, travel
 from sim.curves import majorant
+from sim.hop import hop_room
 from sim.packed import search_room
 
-BUDGET = 4096  # steps of a block, or pieces of flight, between two looks at `stop`: milliseconds
+BUDGET = 4096  # steps of a block between two looks at `stop`: milliseconds
+PIECES = 16384  # of flight, the same
+PART = 1024  # balls that are moved on before the next ones
 
 
 class Stalled(RuntimeError):
@@ -80,40 +83,40 @@ class Swept:
         claims = integrators.load(method)[0] if method != "exact" else None
         # a method of first order cannot tell a hop of a few steps from rest
         blur = 4 * dt if claims and claims.order == 1 else 0.0
-        self.given = dt, blur, body, packed, features, search_room(features)
-        self.kernel = jit.bind(travel.travel, bare=jit.unmanaged(), **bindings(method, packed))
+        self.given = dt, blur, body, packed, features, search_room(features), hop_room()
+        self.kernel = jit.bind(travel.travel, **bindings(method, packed))
 
     def parts(self) -> list:
-        states = travel.depart_states(self.balls, self.duration)
-        return [(k, states[k : k + lanes.LANES]) for k in range(0, len(states), lanes.LANES)]
+        states = state.depart_states(self.balls, self.duration)
+        return [(k, states[k : k + PART]) for k in range(0, len(states), PART)]
 
     def move(self, part, frame, record, log):
         first, states = part
-        how, i, rows = self.kernel(states, first, *self.given, record, log, BUDGET)
+        how, i, rows = self.kernel(states, first, *self.given, record, log, PIECES)
         if how == travel.STALLED:
-            x, age = states[i, travel.X : travel.X + 3], states[i, travel.AGE]
+            x, age = states[i, state.X : state.X + 3], states[i, state.AGE]
             raise Stalled(
-                f"ball {first + i} has had {travel.MOST_EVENTS} events within a second, the last at age {age:.6g} s near "
+                f"ball {first + i} has had {state.MOST_EVENTS} events within a second, the last at age {age:.6g} s near "
                 f"({', '.join(f'{c:.4g}' for c in x)}) m: its bounces pile up"
             )
         bad = None
         if how == travel.DIVERGED:
-            bad = int(states[i, travel.FRAME])
-            states[i, travel.FRAME] = len(record.time)
-        return int(states[:, travel.FRAME].min()), rows, bad
+            bad = int(states[i, state.FRAME])
+            states[i, state.FRAME] = len(record.time)
+        return int(states[:, state.FRAME].min()), rows, bad
 
     def stride(self, time):
         return len(time)
 
     def ends(self, parts) -> Ends:
         states = np.concatenate([states for _, states in parts])
-        velocity = states[:, travel.V : travel.V + 3]
+        velocity = states[:, state.V : state.V + 3]
         return Ends(
-            position=states[:, travel.X : travel.X + 3],
+            position=states[:, state.X : state.X + 3],
             velocity=velocity,
-            at_rest=(states[:, travel.COUNT] > 0) & ~velocity.any(axis=1),
-            steps=int(states[:, travel.STEPS].sum()),
-            passed=int(states[:, travel.CROSSED].sum()),
+            at_rest=(states[:, state.COUNT] > 0) & ~velocity.any(axis=1),
+            steps=int(states[:, state.STEPS].sum()),
+            passed=int(states[:, state.CROSSED].sum()),
         )
 
 
@@ -133,6 +136,7 @@ def bindings(method: str, packed: forces.Forces) -> dict:
         curve = integrators.load(method)[0].curve
         parts = [("solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
     names = {"acceleration": motion.acceleration, "fall": majorant.fall}
+    names["HOPS"] = method == "exact" and curve == "parabola"
     for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
         found = vars(importlib.import_module(f"sim.{module}"))
         names |= {name: found[name] for name in wanted if name in found}

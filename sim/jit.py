@@ -41,29 +41,6 @@ def numba():
 
 
 @cache
-def unmanaged() -> Callable:
-    """The compiled form of `sim.packed.bare`: an array without its reference count.
-
-    Handing an array from one kernel to another costs two atomic operations; for one that outlives the call anyway, in vain.
-    """
-    from numba.core import cgutils
-    from numba.extending import intrinsic
-
-    numba()
-
-    @intrinsic
-    def bare(typing, array):
-        def build(context, builder, signature, arguments):
-            made = context.make_array(array)(context, builder, arguments[0])
-            made.meminfo = cgutils.get_null_value(made.meminfo.type)
-            return made._getvalue()
-
-        return array(array), build
-
-    return bare
-
-
-@cache
 def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
     """`function` with the global `names` of its whole call tree bound to the values given; all must be hashable.
 
@@ -88,7 +65,8 @@ def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
     # The name tells numba's files apart: two kernels of one name would be served each other's code.
     bindings = ", ".join(f"{name}={_label(value)}" for name, value in names)
     rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
-    return numba().njit(cache=True, error_model="numpy", forceinline=_melts(function))(rebuilt)
+    # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do.
+    return numba().njit(cache=True, error_model="numpy", _nrt=False, forceinline=_melts(function))(rebuilt)
 
 
 def _used(function: Callable, names: tuple) -> tuple:
@@ -109,7 +87,10 @@ def _is_kernel(value: Any) -> bool:
 
 
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
-LARGE = {"advance", "travel", "fly", "response", "touch_edge", "slide_around", "turn", "arc", "passes_out", "slides_off"}
+LARGE = {
+    *("advance", "travel", "fly", "hop", "look", "check", "response", "touch_edge", "slide_around", "turn", "arc"),
+    *("passes_out", "slides_off"),
+}
 
 
 def _melts(function: Callable) -> bool:

@@ -1,4 +1,4 @@
-"""The buffer into which the kernels write what happens to balls: a row for each impact and each coming to rest."""
+"""What happens to balls, written down by the kernels: a row for each impact and each coming to rest."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,31 @@ import numpy as np
 # Columns, the first in the order of sim.model.BOUNCE. A rest has a normal speed of -1.
 TIME, BALL, SURFACE, POSITION, NORMAL, SPEED_NORMAL, SPEED_TANGENTIAL, ENERGY_LOST, COLUMNS = 0, 1, 2, 3, 6, 9, 10, 11, 12
 REST = -1.0
+
+
+ROOM = 65536  # rows made at once: larger pieces of memory come cheaper
+LEAST = 4096  # rows worth a call of a kernel
+
+
+class Log:
+    """All rows so far."""
+
+    def __init__(self):
+        self._full, self._rows, self._used = [], np.empty((ROOM, COLUMNS)), 0
+
+    def room(self) -> np.ndarray:
+        """Rows (n, COLUMNS) to be written next, at least LEAST of them."""
+        if self._used + LEAST > ROOM:
+            self._full.append(self._rows[: self._used])
+            self._rows, self._used = np.empty((ROOM, COLUMNS)), 0
+        return self._rows[self._used :]
+
+    def keep(self, count: int) -> None:
+        """Of the room given last, `count` rows are written."""
+        self._used += count
+
+    def rows(self) -> np.ndarray:
+        return np.concatenate([*self._full, self._rows[: self._used]])
 
 
 class Record(NamedTuple):

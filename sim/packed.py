@@ -1,7 +1,4 @@
-"""What a ball can touch, as the kernels see it: one row of numbers for each face, each edge and each side of an outline.
-
-Few arrays, because each one that a kernel hands on to another costs two atomic operations, more than the arithmetic.
-"""
+"""What a ball can touch, as the kernels see it: one row of numbers for each face, each edge and each side of an outline."""
 
 from __future__ import annotations
 
@@ -66,17 +63,6 @@ def pack(features: Features) -> Packed:
         faces[:, FIRST], faces[:, LAST] = begin, begin + count
         f = f._replace(outline=f.outline[lines])
     return Packed(np.ascontiguousarray(faces), f.outline, np.ascontiguousarray(edges), tree, always)
-
-
-def bare(array):
-    """The array as it is; the compiled kernel gets it without reference count, see `sim.jit.unmanaged`."""
-    return array
-
-
-def borrowed(features):
-    """The features, their arrays bare."""
-    tree = Tree(bare(features.tree.box), bare(features.tree.items), bare(features.tree.level))
-    return Packed(bare(features.faces), bare(features.outline), bare(features.edges), tree, features.everywhere)
 
 
 def vector(rows, i, column):

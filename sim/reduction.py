@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.geometry import EDGE, Edges, Faces, Features
+from sim.geometry import EDGE, Edges, Faces, Features, height
 from sim.inside import distances, sides
 from sim.sheet import Sheet, folds, merge, portions, sheet, straighten
 from sim.tree import Tree, build
@@ -39,6 +39,7 @@ class Reduction:
     corners: int = 0  # ends of the edges kept
     closed: bool = False  # every edge has two triangles that wind alike
     side: str = "both"  # where balls can be: outside, inside or both
+    room: bool = False  # one convex room of all surfaces: no outline of a face is kept
 
 
 class Part(NamedTuple):
@@ -66,7 +67,36 @@ def features(shapes: Sequence, starts: np.ndarray, reduce: bool = True, edges: b
     faces, kept, low, high = (_join(column) for column in zip(NOTHING, *(parts[number] for number in order)))
     everywhere = sum(shape.unbounded for shape in shapes)
     del parts
-    return Features(faces, kept, _tree(kept, low, high, everywhere), everywhere), reductions
+    tree = _tree(kept, low, high, everywhere)
+    if reduce and edges and len(kept.length) == 0 and len(tree.items) == 0 and _is_room(faces, starts):
+        faces = faces._replace(first=np.zeros_like(faces.first), outline=NO_OUTLINE)
+        for reduction in reductions:
+            reduction.room = True
+    return Features(faces, kept, tree, everywhere), reductions
+
+
+def _is_room(faces: Faces, starts: np.ndarray) -> bool:
+    """Whether faces without an edge that sticks out or is open bound one convex room, with all of `starts` (k, 3) m inside.
+
+    No ball in it comes to a face's plane but on the face, so that their outlines tell nothing.
+    """
+    if len(starts) == 0 or faces.two_sided.any():
+        return False
+    of = np.repeat(np.arange(len(faces.surface)), np.diff(faces.first))
+    row, axis, normal = np.arange(len(of)), faces.axis[of], faces.normal[of]
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    corner = np.empty((len(of), 3))
+    corner[row, u], corner[row, v] = faces.outline[:, 0], faces.outline[:, 1]
+    corner[row, axis] = 0.0
+    across = normal * (faces.point[of] - corner)
+    across[row, axis] = normal[row, axis] * faces.point[of, axis]
+    corner[row, axis] = across.sum(axis=1) / normal[row, axis]
+    slack = 8 * EDGE * np.abs(corner).max(initial=0.0)
+    return all(
+        (height(faces, np.full(len(x), f), x) > least).all()
+        for f in range(len(faces.surface))
+        for x, least in ((corner, -slack), (starts, 0.0))
+    )
 
 
 def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:

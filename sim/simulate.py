@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -15,8 +16,6 @@ from sim.packed import pack
 CONTACTS = ("swept", "original")
 EXACT = "exact"
 METHODS = (*integrators.names(), EXACT)
-
-ROOM = 4096  # rows of the log, filled and emptied again and again
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,8 @@ class Flight:
 
     status: str  # finished, rested, diverged, or timeout where it was stopped
     trajectory: Trajectory
-    bounces: np.ndarray  # structured, BOUNCE, in order of time
-    rests: np.ndarray  # structured, REST, in order of time: each coming to rest, or to a slide, on a surface
+    log: log.Log  # all impacts and rests, ball by ball
+    end: float  # s, up to which they count
     energy: Energy
     energy_initial: float  # J, of all balls released, at their release
     energy_final: float  # J, of the same balls, at the last frame or when their flight ended
@@ -62,6 +61,16 @@ class Flight:
     ball_seconds: float  # s of flight of all balls together
     resting: int  # balls at rest on a surface when their flight or the simulation ends
     penetrations: int  # faces that a ball's centre passed through
+
+    @cached_property
+    def bounces(self) -> np.ndarray:
+        """Impacts: structured, BOUNCE, in order of time, then of ball."""
+        return events(self.log.rows(), BOUNCE, self.end)
+
+    @cached_property
+    def rests(self) -> np.ndarray:
+        """Each coming to rest, or to a slide, on a surface: structured, REST, in order of time, then of ball."""
+        return events(self.log.rows(), REST, self.end)
 
 
 def frame_times(duration: float, every: float) -> np.ndarray:
@@ -100,7 +109,7 @@ class Simulation:
 
     def warm(self) -> None:
         """Compile the kernel, or load it from disk, without moving a ball."""
-        self.engine.move(self.engine.parts()[0], 0, self._record(0), np.empty((ROOM, log.COLUMNS)))
+        self.engine.move(self.engine.parts()[0], 0, self._record(0), log.Log().room())
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Flight:
         """Move all balls through all frames; `stop` is asked now and then whether to end early, as `timeout`.
@@ -108,7 +117,7 @@ class Simulation:
         A diverged or stopped run keeps the frames up to the last that is good for all balls. Raises engines.Stalled.
         """
         record, parts = self._record(len(self.time)), self.engine.parts()
-        rows, batches = np.empty((ROOM, log.COLUMNS)), []
+        happened = log.Log()
         status, done, kept = "finished", 0, len(self.time)
         while done < kept:
             # the release is a stage of its own, so that a flight has it for all balls, whatever ends it
@@ -116,14 +125,14 @@ class Simulation:
             for part in parts:
                 frame = done
                 while frame < min(len(stage.time), kept):
-                    frame, count, bad = self.engine.move(part, frame, stage, rows)
-                    batches.append(rows[:count].copy())
+                    frame, count, bad = self.engine.move(part, frame, stage, happened.room())
+                    happened.keep(count)
                     if bad is not None:
                         status, kept = "diverged", min(kept, max(bad, 1))
                     if done and stop():
-                        return self._flight("timeout", done, record, self.engine.ends(parts), np.concatenate(batches))
+                        return self._flight("timeout", done, record, self.engine.ends(parts), happened)
             done = len(stage.time)
-        return self._flight(status, kept, record, self.engine.ends(parts), np.concatenate(batches))
+        return self._flight(status, kept, record, self.engine.ends(parts), happened)
 
     def _steps(self, time: np.ndarray) -> np.ndarray:
         """The steps (frames,) of the method since time 0; the exact solver has none, and its frames count."""
@@ -133,7 +142,7 @@ class Simulation:
         n = len(self.balls)
         return log.Record(self.time[:frames], *(np.empty((frames, n, *k)) for k in ((3,), (3,), (), ())))
 
-    def _flight(self, status, kept, record, ends, rows) -> Flight:
+    def _flight(self, status, kept, record, ends, happened) -> Flight:
         time, position, velocity, work, lost = (a[:kept] for a in record)
         balls, mass = self.balls, self.balls.mass
 
@@ -145,9 +154,6 @@ class Simulation:
             at_end = total_energy(mass, ends.velocity, potential(ends.position))
         if status == "finished" and ends.at_rest.all():
             status = "rested"
-        rests = rows[:, log.SPEED_NORMAL] == log.REST
-        # of a finished flight all: the time of one at the very end may round to after it
-        end = time[-1] if status in ("diverged", "timeout") else np.inf
         flew = np.clip(time[-1] - balls.released, 0, balls.lifetime)
         energy = ledger(
             time, balls.released, total_energy(mass, velocity, 0.0), potential(position), at_release, at_end, work, lost
@@ -156,8 +162,9 @@ class Simulation:
         return Flight(
             status=status,
             trajectory=Trajectory(time, self._steps(time), position, velocity),
-            bounces=events(rows[~rests], BOUNCE, end),
-            rests=events(rows[rests], REST, end),
+            log=happened,
+            # of a finished flight all: the time of one at the very end may round to after it
+            end=time[-1] if status in ("diverged", "timeout") else np.inf,
             energy=energy,
             energy_initial=initial,
             energy_final=initial + float(energy.residual[-1] + energy.work[-1] - energy.lost[-1]),
@@ -169,9 +176,14 @@ class Simulation:
 
 
 def events(rows: np.ndarray, kind: np.dtype, end: float) -> np.ndarray:
-    """Rows (n, log.COLUMNS) up to the time `end` (s) as records of BOUNCE or REST, in order of time, then of ball."""
-    rows = rows[rows[:, log.TIME] <= end]
-    rows = rows[np.lexsort((rows[:, log.BALL], rows[:, log.TIME]))]
+    """Of rows (n, log.COLUMNS) those of a kind, BOUNCE or REST, up to the time `end` (s), in order of time, then of ball."""
+    rests = rows[:, log.SPEED_NORMAL] == log.REST
+    mine = np.flatnonzero((rests if kind is REST else ~rests) & (rows[:, log.TIME] <= end))
+    order = mine[np.argsort(rows[mine, log.TIME])]
+    time = rows[order, log.TIME]
+    if np.any(time[1:] == time[:-1]):  # rare, and slower by far
+        order = mine[np.lexsort((rows[mine, log.BALL], rows[mine, log.TIME]))]
+    rows = rows[order]
     out, column = np.empty(len(rows), kind), 0
     for name in kind.names:
         width = int(np.prod(kind[name].shape, dtype=int))

@@ -11,16 +11,15 @@ import numpy as np
 
 from sim.clearance import AHEAD, clearance, way
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
-from sim.forces import Forces
+from sim.hop import hop
 from sim.impact import energy_lost, rebound
-from sim.log import REST, Record, note
+from sim.log import REST, note
 from sim.model import FASTEST
 from sim.motion import acceleration, lying_on, motion, next_crossing, next_end, snapped
-from sim.packed import Search, bare, borrowed, facing, surface_of
+from sim.packed import facing, surface_of
 from sim.penetration import count_passed
 from sim.rest import (
     STILL,
-    Contacts,
     add,
     comes_to_rest,
     no_contacts,
@@ -39,49 +38,70 @@ from sim.solvers.exact import (  # bound to the solver's own before they are com
     arrive,
     depart,
     goal,
-    squared_speed,
+)
+from sim.state import (
+    AGE,
+    CROSSED,
+    END,
+    FRAME,
+    LEFT,
+    LOST,
+    RELEASED,
+    STEPS,
+    WORK,
+    V,
+    X,
+    count_event,
+    fill,
+    load_contacts,
+    save_contacts,
+    skip,
+    work_done,
 )
 from sim.touch import NONE, first_touch
-from sim.vector import ROUNDING, dot, norm, row, sub
-
-MOST_EVENTS = 1_000_000  # of a ball within a second; more is a pile-up that may never end
-
-# Columns of a ball's state.
-X, V, AGE, RELEASED, END, WORK, LOST, STEPS, CROSSED, FRAME = 0, 3, 6, 7, 8, 9, 10, 11, 12, 13
-COUNT, HELD, ITEMS, NORMALS = 14, 15, 16, 19  # contacts
-EVENTS, SINCE = 28, 29  # events since the age SINCE (s)
-LEFT = 30  # the face that the ball has just slid off
-WIDTH = 31
+from sim.vector import ROUNDING, dot, norm, row
 
 # How a call ends.
-DONE, PAUSED, DIVERGED, STALLED = 0, 1, 2, 3
+DONE, PAUSED, DIVERGED, STALLED, READY = 0, 1, 2, 3, 4
+
+HOPS = True  # bound to whether flights are such that balls may hop
 
 # What ends a piece of flight.
 NOTHING, TOUCH, FACE, OFF = 0, 1, 2, 3
 
 
-def travel(states, first, dt, blur, body, forces, features, search, record, log, budget):
-    """Move balls, rows of `states` numbered from `first` on, through all frames of `record`, one after the other.
+def travel(states, first, dt, blur, body, forces, features, search, lanes, record, log, budget):
+    """Move balls, rows of `states` numbered from `first` on, through all frames of `record`: side by side while they only
+    hop, else one after the other.
 
     Returns (how it ended, the ball's row, rows of `log` filled). PAUSED: the log is full or `budget` pieces of flight
     are done; call it again. DIVERGED: the ball's frames from its FRAME on are not good. STALLED: its events pile up.
     """
-    rows = np.int64(0)
-    features, search = borrowed(features), Search(bare(search.found), bare(search.times), bare(search.stack), bare(search.passed))
-    states, log = bare(states), bare(log)
-    forces = Forces(bare(forces.steady), bare(forces.drive), bare(forces.selective))
-    record = Record(bare(record.time), bare(record.position), bare(record.velocity), bare(record.work), bare(record.lost))
-    for i in range(len(states)):
-        if states[i, FRAME] >= len(record.time):
-            continue
-        end, rows, budget = fly(states, i, first + i, dt, blur, body, forces, features, search, record, log, rows, budget)
-        if end != DONE:
-            return end, i, rows
-    return DONE, len(states), rows
+    hopping = HOPS and len(features.tree.items) == 0 and len(features.edges) == 0 and len(forces.selective) == 0
+    rows = 0
+    while True:
+        if HOPS and hopping:
+            rows, budget = hop(states, first, blur, body, forces, features, search, lanes, record, log, rows, budget)
+        end, ready = DONE, 0
+        for i in range(len(states)):
+            if states[i, FRAME] >= len(record.time):
+                continue
+            end, rows, budget = fly(
+                states, i, first + i, hopping, dt, blur, body, forces, features, search, record, log, rows, budget
+            )
+            if end == READY:
+                ready += 1
+            elif end != DONE:
+                return end, i, rows
+        if ready == 0:
+            return DONE, len(states), rows
 
 
-def fly(states, i, ball, dt, blur, body, forces, features, search, record, log, rows, budget):
-    """Move ball i through all frames. Returns (how it ended, rows of the log filled, what is left of the budget)."""
+def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, record, log, rows, budget):
+    """Move ball i through all frames; with `hopping` only until it may hop again, which is READY.
+
+    Returns (how it ended, rows of the log filled, what is left of the budget).
+    """
     s = states[i]
     x, v, age = row(states, i), (s[V], s[V + 1], s[V + 2]), s[AGE]
     frame, frames = int(s[FRAME]), len(record.time)
@@ -233,11 +253,11 @@ def fly(states, i, ball, dt, blur, body, forces, features, search, record, log, 
             contacts = pressed(acceleration(age, x, v, lying_on(mover, no_contacts())), contacts)
         mover = lying_on(mover, contacts)
 
-        s[EVENTS] += 1.0
-        if age - s[SINCE] > 1.0:
-            s[EVENTS], s[SINCE] = 0.0, age
-        elif s[EVENTS] > MOST_EVENTS:
+        if not count_event(s, age):
             how = STALLED
+            break
+        if hopping and contacts.count == 0 and left == NONE:
+            how = READY
             break
 
     # the flight is over: the last frame may be at its very end
@@ -255,59 +275,3 @@ def fly(states, i, ball, dt, blur, body, forces, features, search, record, log, 
     s[AGE], s[FRAME], s[LEFT] = age, frame, left
     save_contacts(s, contacts)
     return how, rows, budget
-
-
-def work_done(curve, t, x, v, x1, v1, mover, mass):
-    """Work (J) of the fields without a potential over t (s) from (x, v) to (x1, v1): of the constant and the spring's part by
-    their primitives, of drag by the integral of v^2."""
-    path = sub(x1, x)
-    work = dot(mover.drive, path)
-    if mover.drive_w2 > 0.0:
-        work -= 0.5 * mover.drive_w2 * (dot(x1, x1) - dot(x, x))
-    if mover.drive_b > 0.0:
-        work -= mover.drive_b * squared_speed(curve, t, x, v, x1, v1, mover)
-    return mass * work
-
-
-def fill(record, frame, ball, x, v, work, lost):
-    """Record a ball in a frame; returns whether it is good: finite, and not too fast."""
-    for k in range(3):
-        record.position[frame, ball, k], record.velocity[frame, ball, k] = x[k], v[k]
-    record.work[frame, ball], record.lost[frame, ball] = work, lost
-    # said as "is within", so that NaN is not good
-    return dot(v, v) <= FASTEST * FASTEST and dot(x, x) < np.inf
-
-
-def skip(record, frame, ball):
-    """Record that a ball is not alive in a frame."""
-    for k in range(3):
-        record.position[frame, ball, k], record.velocity[frame, ball, k] = np.nan, np.nan
-    record.work[frame, ball], record.lost[frame, ball] = 0.0, 0.0
-
-
-def load_contacts(s):
-    i, n = ITEMS, NORMALS
-    return Contacts(
-        int(s[COUNT]),
-        s[HELD] > 0.0,
-        (int(s[i]), int(s[i + 1]), int(s[i + 2])),
-        ((s[n], s[n + 1], s[n + 2]), (s[n + 3], s[n + 4], s[n + 5]), (s[n + 6], s[n + 7], s[n + 8])),
-    )
-
-
-def save_contacts(s, contacts):
-    s[COUNT], s[HELD] = contacts.count, 1.0 if contacts.held else 0.0
-    for k in range(3):
-        s[ITEMS + k] = contacts.items[k]
-        for j in range(3):
-            s[NORMALS + 3 * k + j] = contacts.normals[k][j]
-
-
-def depart_states(balls, duration):
-    """The states (n, WIDTH) of all balls at their release."""
-    states = np.zeros((len(balls), WIDTH))
-    states[:, X : X + 3], states[:, V : V + 3] = balls.position, balls.velocity
-    states[:, RELEASED] = balls.released
-    states[:, END] = np.minimum(balls.lifetime, duration - balls.released)
-    states[:, ITEMS : ITEMS + 3], states[:, LEFT] = NONE, NONE
-    return states

@@ -44,5 +44,11 @@ def gap(n, x, p, offset):
     """n . (x - p) - offset, and exactly zero where it is no more than the rounding of the coordinates."""
     d = sub(x, p)
     g = dot(n, d) - offset
-    size = abs(n[0]) * (abs(x[0]) + abs(p[0])) + abs(n[1]) * (abs(x[1]) + abs(p[1])) + abs(n[2]) * (abs(x[2]) + abs(p[2]))
-    return g if abs(g) > ROUNDING * (size + offset) else 0.0
+    # in two sums: that of the plane is the same for all balls
+    x, p, n = size(x), size(p), size(n)
+    return g if abs(g) > ROUNDING * (dot(n, x) + (dot(n, p) + offset)) else 0.0
+
+
+def size(x):
+    """The absolute values of a vector's parts."""
+    return abs(x[0]), abs(x[1]), abs(x[2])
