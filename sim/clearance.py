@@ -20,10 +20,9 @@ def clearance(features, search, x, radius, far):
     if len(features.tree.items) == 0:
         return min(far, among(features, search.found, len(search.found), x, radius, far))
     nearest = among(features, search.found, always, x, radius, far)
-    found = search.found[always:]
     still = (0.0, 0.0, 0.0)
-    near = along(features.tree, x, still, 0.0, radius + far, still, found, search.stack, search.passed, len(found))
-    return min(nearest, among(features, found, near, x, radius, far))
+    count = along(features.tree, (x, still, still), 0.0, radius + far, search, always)
+    return min(nearest, among(features, search.found[always:], count - always, x, radius, far))
 
 
 def among(features, found, near, x, radius, far):

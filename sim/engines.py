@@ -20,7 +20,7 @@ import numpy as np
 from sim import advance, forces, integrators, jit, lanes, motion, state, travel
 from sim.curves import majorant
 from sim.hop import hop_room
-from sim.packed import search_room
+from sim.tree import search_room
 
 BUDGET = 4096  # steps of a block between two looks at `stop`: milliseconds
 PIECES = 16384  # of flight, the same
@@ -83,7 +83,7 @@ class Swept:
         claims = integrators.load(method)[0] if method != "exact" else None
         # a method of first order cannot tell a hop of a few steps from rest
         blur = 4 * dt if claims and claims.order == 1 else 0.0
-        self.given = dt, blur, body, packed, features, search_room(features), hop_room()
+        self.given = dt, blur, body, packed, features, search_room(len(features.faces) + len(features.edges)), hop_room()
         self.kernel = jit.bind(travel.travel, **bindings(method, packed))
 
     def parts(self) -> list:
@@ -121,7 +121,7 @@ class Swept:
 
 
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
-CURVE = "flight", "point", "slope", "bend", "project", "start", "seen_from", "seen_along", "swelling", "fall", "value", "dip"
+CURVE = "flight", "point", "slope", "bend", "project", "start", "seen_from", "seen_along", "piece", "fall", "value", "dip"
 SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
 METHOD = "step", "interpolant"
 
@@ -135,7 +135,7 @@ def bindings(method: str, packed: forces.Forces) -> dict:
     else:
         curve = integrators.load(method)[0].curve
         parts = [("solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
-    names = {"acceleration": motion.acceleration, "fall": majorant.fall}
+    names = {"acceleration": motion.acceleration, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
     for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
         found = vars(importlib.import_module(f"sim.{module}"))

@@ -62,7 +62,7 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
         for i in range(LANES):
             if lanes[THROUGH + i] > 0.0:
                 curve = flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover.pull, 0.0, 0.0)
-                states[int(lanes[BALL + i]), CROSSED] += count_passed(curve, features, search, body.radius, lanes[LEAST + i])
+                states[int(lanes[BALL + i]), CROSSED] += count_passed(curve, features, search, body.radius, lanes[LEAST + i], 0)
         for j in range(6 * LANES):
             lanes[PLACE + j] = lanes[PLACE1 + j]
     for i in range(LANES):

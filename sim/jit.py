@@ -88,7 +88,7 @@ def _is_kernel(value: Any) -> bool:
 
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
-    *("advance", "travel", "fly", "hop", "look", "check", "response", "touch_edge", "slide_around", "turn", "arc"),
+    *("advance", "travel", "fly", "hop", "look", "check", "onward", "response", "touch_edge", "slide_around", "turn", "arc"),
     *("passes_out", "slides_off"),
 }
 

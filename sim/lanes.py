@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.packed import Search, height, search_room
+from sim.packed import height
+from sim.tree import Search, search_room
 
 LANES = 64
 
@@ -53,7 +54,7 @@ def fill_block(first: int, balls, duration: float, features) -> Block:
     n = len(faces)
     x = s[X : X + 3 * LANES].reshape(3, LANES)
     gap = np.concatenate([height(faces, f, x) for f in range(0 if len(tree.items) else n)] or [np.zeros(0)])
-    return Block(first, count, s, gap, gap.copy(), search_room(features))
+    return Block(first, count, s, gap, gap.copy(), search_room(len(features.faces) + len(features.edges)))
 
 
 def lane(s, row, i):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.geometry import EDGE, Features
-from sim.tree import STACK, WIDE, Tree, along
+from sim.tree import Tree, along
 from sim.vector import axpy, dot, norm, scale, sub
 
 # Columns of a face. Its outline is the rows FIRST to LAST - 1 of `outline`; none: it is unbounded.
@@ -25,20 +25,6 @@ class Packed(NamedTuple):
     edges: np.ndarray  # (m, EDGE_WIDTH) its start in m, its unit vector, its length in m, the number of its surface
     tree: Tree  # over the boxes of all that is bounded; empty where there is little
     everywhere: int  # so many faces, the first ones, are unbounded: in no tree, looked at always
-
-
-class Search(NamedTuple):
-    """Room to search in, one place for each feature."""
-
-    found: np.ndarray  # numbers of the features to look at; all of them, in order, where there is no tree
-    times: np.ndarray  # s, when each may be touched first
-    stack: np.ndarray  # for the way through the tree
-    passed: np.ndarray  # for the boxes of a group
-
-
-def search_room(features) -> Search:
-    n = len(features.faces) + len(features.edges)
-    return Search(np.arange(n), np.zeros(n), np.zeros(2 * STACK, np.int64), np.zeros(WIDE, bool))
 
 
 def pack(features: Features) -> Packed:
@@ -100,9 +86,8 @@ def covers(faces, outline, f, x):
 
 def ahead(features, x, direction, reach, search):
     """Write into `search.found` what x + s * direction, 0 <= s <= reach, may pass through; how many they are."""
-    always, still = features.everywhere, (0.0, 0.0, 0.0)
-    found = search.found[always:]
-    return always + along(features.tree, x, direction, reach, 0.0, still, found, search.stack, search.passed, len(found))
+    path = x, direction, (0.0, 0.0, 0.0)
+    return along(features.tree, path, reach, 0.0, search, features.everywhere)
 
 
 def from_edge(edges, e, x):

@@ -2,31 +2,33 @@
 
 import numpy as np
 
-from sim.curves.parabola import fall, point  # bound to the curve's own before they are compiled
+from sim.curves.parabola import fall, piece, point  # bound to the curve's own before they are compiled
 from sim.packed import NORMAL, POINT, SIDES, vector
-from sim.touch import lands, next_chord, plane_gap
+from sim.touch import lands, plane_gap
 from sim.tree import along
 from sim.vector import dot, sub
 
-WIDE = 64.0  # radii that the curve may be off its chord: few faces are between the two
+WIDE = 64.0  # radii that the curve may be off its path: few faces are between the two
 
 
-def count_passed(curve, features, search, radius, end):
-    """How many faces the centre gets behind in the time `end` (s) along the curve, through them and not around them."""
+def count_passed(curve, features, search, radius, end, near):
+    """How many faces the centre gets behind in the time `end` (s) along the curve, through them and not around them.
+
+    The first `near` of what `search` has found are all that it comes near; with 0 that is found here.
+    """
     x1 = point(curve, end)
-    if len(features.tree.items) == 0:
-        return count_among(curve, features.faces, features.outline, search.found, len(features.faces), x1, end)
-    count = count_among(curve, features.faces, features.outline, search.found, features.everywhere, x1, end)
-    found = search.found[features.everywhere :]
-    s, x = 0.0, point(curve, 0.0)
+    if len(features.tree.items) == 0 or near > 0:
+        near = near if near > 0 else len(search.found)
+        return count_among(curve, features.faces, features.outline, search.found, near, x1, end)
+    always = features.everywhere
+    count = count_among(curve, features.faces, features.outline, search.found, always, x1, end)
+    s = 0.0
     while s < end:
-        length, bulge, margin = next_chord(curve, s, end, WIDE * radius)
+        length, path, margin = piece(curve, s, end, WIDE * radius)
         s += length
-        x2 = point(curve, s)
-        near = along(features.tree, x, sub(x2, x), 1.0, margin, bulge, found, search.stack, search.passed, len(found))
+        near = along(features.tree, path, length, margin, search, always) - always
         # a face that two pieces come near is counted in the one that gets behind it
-        count += count_among(curve, features.faces, features.outline, found, near, x2, s)
-        x = x2
+        count += count_among(curve, features.faces, features.outline, search.found[always:], near, point(curve, s), s)
     return count
 
 

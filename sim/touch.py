@@ -15,15 +15,15 @@ import numpy as np
 from sim.curves.majorant import MOST, polish, stride
 
 # bound to the curve's own before they are compiled
-from sim.curves.parabola import bend, fall, point, project, seen_along, seen_from, slope, start, swelling
+from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, height, vector
-from sim.tree import along
+from sim.tree import cast, enter, onward
 from sim.vector import across, axpy, dot, norm, scale, sub
 
 EPS = np.finfo(float).eps
 NONE = -1
-SAGITTA = 2.0  # radii
-CROWD = 48  # features along a piece of the curve from which on it is better to look at a shorter piece first
+OFF = 2.0  # radii that a piece of the curve may be off the path looked along
+SLACK = 1e-6  # share of the radius by which more is looked at than can be touched: what bounds the times is rounded
 FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
 LEVEL = 1e-12  # of the speed: a velocity toward an edge that is rounding
 TIE = 1e-12  # of the time: an edge touched before a face by no more than this is taken for touched with it
@@ -34,114 +34,82 @@ def first_touch(curve, features, search, radius, end, contacts, left):
 
     Of those touched at the same time a face comes before an edge, then the lowest number. What the ball lies on, by its
     `contacts`, is not looked at, and the face `left`, which it has just slid off, is not touched at once.
+
+    Third comes how many of `search.found` are all that the ball comes near until then; 0 where they are not kept.
     """
-    count = features.everywhere if len(features.tree.items) > 0 else len(search.found)
-    item, best = earliest(curve, features, search.found, search.times, count, radius, 0.0, end, NONE, end, contacts, left)
-    if len(features.tree.items) == 0:
-        return item, best if item != NONE else np.inf
-
-    found = search.found[features.everywhere :]
-    s, x, piece = 0.0, point(curve, 0.0), end
-    while True:
-        length, bulge, margin = next_chord(curve, s, min(best, s + piece), SAGITTA * radius)
-        x1 = point(curve, s + length)
-        chord, reach = sub(x1, x), radius + margin
-        count = along(features.tree, x, chord, 1.0, reach, bulge, found, search.stack, search.passed, CROWD)
-        if count > CROWD:
-            if dot(chord, chord) > radius * radius:
-                piece = 0.5 * length
-                continue
-            count = along(features.tree, x, chord, 1.0, reach, bulge, found, search.stack, search.passed, len(found))
-        count = sift(features.faces, features.edges, found, count, x, x1, reach + norm(bulge))
-        item, best = earliest(curve, features, found, search.times, count, radius, s, s + length, item, best, contacts, left)
-        s, x, piece = s + length, x1, 4.0 * length
-        if not s < best:
-            return item, best if item != NONE else np.inf
+    tree = features.tree
+    few = len(tree.items) == 0
+    always = len(search.found) if few else features.everywhere
+    for c in range(always):
+        search.times[c], search.until[c] = 0.0, np.inf
+    item, best = earliest(curve, features, search, 0, always, radius, 0.0, end, NONE, end, contacts, left)
+    s, count = end if few else 0.0, always
+    while s < best:
+        length, path, margin = piece(curve, s, best, OFF * radius)
+        ray, top = cast(path, length, (radius + margin) * (1.0 + SLACK)), enter(tree, search)
+        count = always
+        while top > 0:
+            first = count
+            top, count = onward(tree, ray, min(length, best - s), search, top, first)
+            item, best = earliest(curve, features, search, first, count, radius, s, s + length, item, best, contacts, left)
+        if s > 0.0:
+            count = 0
+        s += length
+    return item, best if item != NONE else np.inf, count
 
 
-def next_chord(curve, s, end, off):
-    """How long (s) a piece of the curve from s on may be to stay within `off` (m) of its chord, and how near it does stay: it
-    may leave it by a part of the vector `bulge` (m) and by `margin` (m), together no more than max |x''| length^2 / 8."""
-    length = end - s
-    sagitta = 0.125 * bend(curve, s, end) * length * length
-    while sagitta > off:
-        length *= max(0.1, 0.99 * np.sqrt(off / sagitta))
-        sagitta = 0.125 * bend(curve, s, s + length) * length * length
-    bulge, margin = swelling(curve, s, length, sagitta)
-    return length, bulge, margin
-
-
-def sift(faces, edges, found, count, x, x1, reach):
-    """Of the first `count` features in `found`, keep those that may be within `reach` (m) of the chord from x to x1 (m): of faces
-    those whose plane is, of edges those that are. Returns how many; rounding is left to the sagitta, which is never so small."""
-    kept, n, chord = 0, len(faces), sub(x1, x)
-    reach *= 1.0 + 1e-9
-    for c in range(count):
-        i = found[c]
-        if i < n:
-            normal, point = vector(faces, i, NORMAL), vector(faces, i, POINT)
-            h = dot(normal, sub(x, point))
-            h1 = h + dot(normal, chord)
-            near = min(h, h1) <= reach and max(h, h1) >= -reach
-        else:
-            near = distance_squared(edges, i - n, x, chord) <= reach * reach
-        if near:
-            found[kept] = i
-            kept += 1
-    return kept
-
-
-def distance_squared(edges, e, x, chord):
-    """The square of the distance (m^2) between edge e and the segment x + t chord, 0 <= t <= 1 (Ericson 2005, section 5.1.9)."""
-    axis, length = vector(edges, e, ALONG), edges[e, LENGTH]
-    off = sub(x, vector(edges, e, START))
-    a, b, c, f = dot(chord, chord), dot(chord, axis), dot(chord, off), dot(axis, off)
-    t, slant = 0.0, a - b * b
-    if slant > 1e-12 * a:
-        t = min(max((b * f - c) / slant, 0.0), 1.0)
-    u = b * t + f
-    if u < 0.0 or u > length:
-        u = min(max(u, 0.0), length)
-        t = min(max((b * u - c) / a, 0.0), 1.0) if a > 0.0 else 0.0
-    gap = axpy(-u, axis, axpy(t, chord, off))
-    return dot(gap, gap)
-
-
-def earliest(curve, features, found, times, count, radius, begin, end, item, best, contacts, left):
-    """The earliest touch known, of `item` at `best` (s), or an earlier one of the first `count` features in `found`.
-
-    Edges are not touched before `begin`, and looked at up to `end` only.
-    """
+def earliest(curve, features, search, first, last, radius, begin, end, item, best, contacts, left):
+    """The earliest touch known, of `item` at `best` (s), or an earlier one of what `search` has found in places `first` to
+    `last` - 1, each within its own times after `begin` and before `end` (s)."""
+    item, best = earliest_face(curve, features, search, first, last, radius, begin, item, best, contacts, left)
     faces, edges = features.faces, features.edges
     n = len(faces)
-    for c in range(count):
+    for c in range(first, last):
+        i, since = search.found[c], begin + search.times[c]
+        if i < n or since > best or (contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts)):
+            continue
+        s = touch_edge(curve, edges, i - n, radius, since, min(best, min(begin + search.until[c], end)))
+        soonest = rank(best, item, n)
+        if rank(s, i, n) < soonest or (rank(s, i, n) == soonest and (item == NONE or i < item)):
+            item, best = i, s
+    return item, best
+
+
+def earliest_face(curve, features, search, first, last, radius, begin, item, best, contacts, left):
+    """The same for the faces among them, up to whatever time."""
+    faces, found, times = features.faces, search.found, search.times
+    n = len(faces)
+    for c in range(first, last):
         i = found[c]
-        if contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts):
+        if i >= n:
+            continue
+        till = begin + search.until[c]
+        if contacts.count > 0 and lies_on(curve, faces, features.edges, i, radius, contacts):
             times[c] = np.inf
-        elif i < n:
-            times[c] = first_fall(plane_gap(curve, faces, i, 1.0, radius), radius, best)
-            if i == left and times[c] * norm(slope(curve, 0.0)) <= FLAT * radius:
-                times[c] = fall(plane_gap(curve, faces, i, 1.0, radius), times[c], best, True)
-            if faces[i, SIDES] > 1.0:
-                times[c] = min(times[c], first_fall(plane_gap(curve, faces, i, -1.0, radius), radius, best))
-        else:
-            times[c] = touch_edge(curve, edges, i - n, radius, begin, min(best, end))
+            continue
+        times[c] = first_fall(plane_gap(curve, faces, i, 1.0, radius), radius, best)
+        if i == left and times[c] * norm(slope(curve, 0.0)) <= FLAT * radius:
+            times[c] = fall(plane_gap(curve, faces, i, 1.0, radius), times[c], best, True)
+        if faces[i, SIDES] > 1.0:
+            times[c] = min(times[c], first_fall(plane_gap(curve, faces, i, -1.0, radius), radius, best))
+        if times[c] > till:  # on the face's plane, but not on it
+            times[c] = np.inf
     while True:
-        first, soonest = NONE, rank(best, item, n)
-        for c in range(count):
-            s = rank(times[c], found[c], n)
-            lowest = item if first == NONE else found[first]
-            if s < soonest or (s == soonest and (lowest == NONE or found[c] < lowest)):
-                first, soonest = c, s
-        if first == NONE:
+        soonest, upcoming = rank(best, item, n), NONE
+        for c in range(first, last):
+            i = found[c]
+            lowest = item if upcoming == NONE else found[upcoming]
+            if i < n and (times[c] < soonest or (times[c] == soonest and (lowest == NONE or i < lowest))):
+                upcoming, soonest = c, times[c]
+        if upcoming == NONE:
             return item, best
-        i, s = found[first], times[first]
-        if i >= n or lands(curve, faces, features.outline, i, s):
+        i, s = found[upcoming], times[upcoming]
+        if lands(curve, faces, features.outline, i, s):
             return i, s
         # it comes down beside the face, and may come again
-        times[first] = fall(plane_gap(curve, faces, i, 1.0, radius), s, best, True)
+        times[upcoming] = fall(plane_gap(curve, faces, i, 1.0, radius), s, best, True)
         if faces[i, SIDES] > 1.0:
-            times[first] = min(times[first], fall(plane_gap(curve, faces, i, -1.0, radius), s, best, True))
+            times[upcoming] = min(times[upcoming], fall(plane_gap(curve, faces, i, -1.0, radius), s, best, True))
 
 
 def lies_on(curve, faces, edges, i, radius, contacts):

@@ -138,7 +138,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
             curve, x1, v1 = depart(h, age, x, v, mover)
 
         # the first event on it
-        what, item, place, length = NOTHING, NONE, 0.0, h
+        what, item, place, length, near = NOTHING, NONE, 0.0, h, 0
         free = contacts.held
         if SMALL_STEPS and contacts.count == 0:
             reach = way(curve, h)
@@ -147,7 +147,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
             free = reach < clear
             clear -= reach
         if not free:
-            touched, t = first_touch(curve, features, search, body.radius, h, contacts, left)
+            touched, t, near = first_touch(curve, features, search, body.radius, h, contacts, left)
             if touched != NONE:
                 what, item, length = TOUCH, touched, t
         if not contacts.held:
@@ -190,7 +190,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
                 x1 = point(curve, length)
         s[WORK] += work_done(curve, length, x, v, x1, v1, mover, body.mass)
         if not free:
-            s[CROSSED] += count_passed(curve, features, search, body.radius, length)
+            s[CROSSED] += count_passed(curve, features, search, body.radius, length, near)
         s[STEPS] += 1.0
         x, v, age = x1, v1, arrival
         if not (dot(v, v) <= FASTEST * FASTEST and dot(x, x) < np.inf):

@@ -73,57 +73,132 @@ def outward(values: np.ndarray, far: float) -> np.ndarray:
     return np.where(wrong, np.nextafter(rounded, np.float32(-far)), rounded)
 
 
-def along(tree, x, direction, reach, margin, bulge, found, stack, passed, most):
-    """Write into `found` the items whose box x + s * direction, 0 <= s <= reach, may come within `margin` (m) of on each axis,
-    with any part of the vector `bulge` (m) added; how many they are, or some number above `most` when they are more than that.
+class Search(NamedTuple):
+    """Room to search in, one place for each of `found`, `times` and `until` for each item."""
 
-    `stack` and `passed` are room for 2 STACK and WIDE numbers. Without a tree `found` stays as it is, and all of it counts.
+    found: np.ndarray  # items to look at
+    times: np.ndarray  # s, from when; later, when one is touched
+    until: np.ndarray  # s
+    stack: np.ndarray  # (2 STACK,) level and number of the groups that wait to be looked at
+    waits: np.ndarray  # (STACK,) s, when the path comes to them
+    stay: np.ndarray  # (2 WIDE,) s, when the path comes to each box of a group, and when it leaves them
+
+
+def search_room(n: int) -> Search:
+    """For n items, all of them found."""
+    stack = np.zeros(2 * STACK, np.int64), np.zeros(STACK), np.zeros(2 * WIDE)
+    return Search(np.arange(n), np.zeros(n), np.full(n, np.inf), *stack)
+
+
+def along(tree, path, reach, margin, search, first):
+    """Find the items whose box the path may come within `margin` (m) of on each axis in the time `reach` (s), see `cast`.
+
+    They are written into `search.found` from place `first` on; returns the place after them. Without a tree nothing is done,
+    and all of `found` counts.
+    """
+    if len(tree.items) == 0:
+        return len(search.found)
+    ray, top = cast(path, reach, margin), enter(tree, search)
+    while top > 0:
+        top, first = onward(tree, ray, reach, search, top, first)
+    return first
+
+
+def enter(tree, search):
+    """Put the root on the stack of groups; returns how many are on it."""
+    search.stack[0], search.stack[1], search.waits[0] = len(tree.level) - 2, 0, 0.0
+    return 1
+
+
+def onward(tree, ray, reach, search, top, first):
+    """Walk on to the next group with items that the ray may meet within `reach` (s), roughly in order of time.
+
+    They are written into `search.found` from place `first` on, with the times between which it may be there. Returns how many
+    groups are left on the stack, none at the end, and the place after the items.
     """
     box, items, level = tree.box, tree.items, tree.level
-    if len(items) == 0:
-        return len(found)
-    # near and far side of a box on each axis: a negative direction swaps them
-    i0, i1, i2 = inverse(direction[0]), inverse(direction[1]), inverse(direction[2])
-    n0, n1, n2 = 0 if i0 > 0.0 else 3, 1 if i1 > 0.0 else 4, 2 if i2 > 0.0 else 5
-    f0, f1, f2 = 3 - n0, 5 - n1, 7 - n2
-    # a box is met by the front `a` of what moves on an axis and left by its rear `b`
-    a0, b0 = swell(x[0], margin, bulge[0], i0)
-    a1, b1 = swell(x[1], margin, bulge[1], i1)
-    a2, b2 = swell(x[2], margin, bulge[2], i2)
-    stack[0], stack[1] = len(level) - 2, 0
-    top, count = 1, 0
-    while top > 0 and count <= most:
+    found, since, until, stack, waits, stay = search
+    while top > 0:
         top -= 1
-        depth, group = stack[2 * top], stack[2 * top + 1]
-        g = level[depth] + group
-        for k in range(WIDE):
-            # float: what follows is to be of double precision
-            near = max((float(box[g, n0, k]) - a0) * i0, (float(box[g, n1, k]) - a1) * i1)
-            near = max(near, max((float(box[g, n2, k]) - a2) * i2, 0.0))
-            far = min((float(box[g, f0, k]) - b0) * i0, (float(box[g, f1, k]) - b1) * i1)
-            far = min(far, min((float(box[g, f2, k]) - b2) * i2, reach))
-            # a little slack for the rounding of the products: a box too many costs time, one too few an answer
-            passed[k] = near <= far * (1.0 + 1e-9)
-        for k in range(WIDE):
-            if passed[k]:
-                if depth == 0:
-                    found[count] = items[WIDE * group + k]
-                    count += 1
-                else:
-                    stack[2 * top], stack[2 * top + 1] = depth - 1, WIDE * group + k
-                    top += 1
-    return count
+        if waits[top] > reach:
+            continue
+        depth, group, bottom, last = stack[2 * top], stack[2 * top + 1], top, first
+        meet(box, level[depth] + group, ray, reach, stay)
+        for c in range(WIDE):
+            near, far, child = stay[c], stay[WIDE + c], WIDE * group + c
+            if near > far * (1.0 + 1e-9):  # a box too many costs time, one too few an answer
+                continue
+            if depth == 0:
+                found[last], since[last], until[last] = items[child], near, far
+                last += 1
+                continue
+            place = top
+            while place > bottom and waits[place - 1] < near:  # the nearest is on top
+                stack[2 * place], stack[2 * place + 1] = stack[2 * place - 2], stack[2 * place - 1]
+                waits[place] = waits[place - 1]
+                place -= 1
+            stack[2 * place], stack[2 * place + 1], waits[place] = depth - 1, child, near
+            top += 1
+        if last > first:
+            return top, last
+    return 0, first
 
 
-def swell(x, margin, bulge, heading):
-    """The front and the rear of what moves along an axis at x, reaching `margin` both ways and `bulge` one way."""
-    low, high = x - margin + min(bulge, 0.0), x + margin + max(bulge, 0.0)
-    return (high, low) if heading > 0.0 else (low, high)
+def cast(path, reach, margin):
+    """What the path x + v t + k t^2/2 is to boxes that it may come within `margin` (m) of until `reach` (s): the axes, the
+    curved one last, straight paths along each, and the curve. At most one part of k is not zero."""
+    x, v, k = path
+    last = 0 if k[0] != 0.0 else (1 if k[1] != 0.0 else 2)
+    i, j = (last + 1) % 3, (last + 2) % 3
+    slabs = slab(x[i], v[i], 0.0, margin), slab(x[j], v[j], 0.0, margin), slab(x[last], v[last], k[last], margin)
+    return (i, j, last), slabs, arch(x[last], v[last], k[last], reach, margin)
 
 
-def inverse(a):
-    """1/a, and where that is infinite a number so large that it does as well, and makes no NaN with 0."""
-    return 1.0 / a if abs(a) > TINY else HUGE
+def slab(x, v, k, margin):
+    """How to tell the times at which x + v t is beside a box: 1/v, and the ends by which it comes and goes. A path that is
+    not straight has 1/v = 0: it may be there always."""
+    inverse = 1.0 / v if abs(v) > TINY else HUGE  # not infinite, which makes NaN with 0
+    front, rear = (x + margin, x - margin) if inverse > 0.0 else (x - margin, x + margin)
+    return inverse if k == 0.0 else 0.0, front, rear
+
+
+def arch(x, v, k, reach, margin):
+    """The path x + v t + k t^2/2, when and where it turns, and how near to a box counts, rounding included."""
+    if k == 0.0:
+        return x, v, k, -1.0, x, margin
+    return x, v, k, -v / k, x - 0.5 * v * v / k, margin + 1e-14 * (abs(x) + reach * (abs(v) + reach * abs(k)))
+
+
+def meet(box, g, ray, reach, stay):
+    """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
+    (i, j, last), slabs, bow = ray
+    for c in range(box.shape[2]):  # of no length known in advance and with one array written: so it becomes vector instructions
+        near, far = within(float(box[g, i, c]), float(box[g, i + 3, c]), slabs[0], 0.0, reach)
+        near, far = within(float(box[g, j, c]), float(box[g, j + 3, c]), slabs[1], near, far)
+        low, high = float(box[g, last, c]), float(box[g, last + 3, c])
+        near, far = within(low, high, slabs[2], near, far)
+        stay[c] = near
+        stay[WIDE + c] = far if passes(low, high, bow, near, far) else -1.0
+
+
+def within(low, high, slab, near, far):
+    """The part of the times `near` to `far` (s) at which a straight path is between `low` and `high` (m)."""
+    inverse, front, rear = slab
+    entry, exit = (low, high) if inverse > 0.0 else (high, low)
+    a, b = (entry - front) * inverse, (exit - rear) * inverse
+    b = b if inverse != 0.0 else far
+    return a if a > near else near, b if b < far else far
+
+
+def passes(low, high, bow, near, far):
+    """Whether a path comes between `low` and `high` (m) in the times from `near` to `far` (s); of a straight one that is known."""
+    x, v, k, turn, peak, margin = bow
+    a, b = x + near * (v + 0.5 * near * k), x + far * (v + 0.5 * far * k)
+    least, most = (a, b) if a < b else (b, a)
+    turns = (near < turn) & (turn < far)
+    least = peak if turns & (peak < least) else least
+    most = peak if turns & (peak > most) else most
+    return (k == 0.0) | ((least <= high + margin) & (most >= low - margin))
 
 
 def overlapping(tree: Tree, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

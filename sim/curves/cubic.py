@@ -49,11 +49,6 @@ def seen_along(curve, n):
     return across(n, x), across(n, v), across(n, c), across(n, d)
 
 
-def swelling(curve, s, length, sagitta):
-    """How a piece of the curve leaves its chord: by a part of a vector (m), and by a distance (m)."""
-    return (0.0, 0.0, 0.0), sagitta
-
-
 def project(curve, n, p, offset):
     x, v, c, d = curve
     return gap(n, x, p, offset), dot(n, v), dot(n, c), dot(n, d)

@@ -9,7 +9,8 @@ search ends, and what it may pass is a dip less deep than the noise.
 
 import numpy as np
 
-from sim.curves.cubic import dip, value  # bound to the curve's own before they are compiled
+from sim.curves.cubic import bend, dip, point, value  # bound to the curve's own before they are compiled
+from sim.vector import scale, sub
 
 EPS = np.finfo(float).eps
 MOST = 10_000  # steps of a search; some ten is usual, a double zero takes a hundred
@@ -49,3 +50,16 @@ def fall(line, s, end, below):
         if not s <= end:
             return np.inf
     return s
+
+
+def chord(curve, s, end, off):
+    """The `piece` of curves in general: a chord that the curve leaves by no more than `off` (m), since that is at most
+    max |x''| length^2 / 8."""
+    length = end - s
+    sagitta = 0.125 * bend(curve, s, end) * length * length
+    while sagitta > off:
+        length *= max(0.1, 0.99 * np.sqrt(off / sagitta))
+        sagitta = 0.125 * bend(curve, s, s + length) * length * length
+    x = point(curve, s)
+    v = scale(1.0 / length, sub(point(curve, s + length), x))
+    return length, (x, v, (0.0, 0.0, 0.0)), sagitta

@@ -85,11 +85,6 @@ def seen_along(curve, n):
     return across(n, x), across(n, v), across(n, k), b, w2
 
 
-def swelling(curve, s, length, sagitta):
-    """How a piece of the curve leaves its chord: by a part of a vector (m), and by a distance (m)."""
-    return (0.0, 0.0, 0.0), sagitta
-
-
 def project(curve, n, p, offset):
     x, v, k, b, w2 = curve
     return gap(n, x, p, offset), dot(n, v), dot(n, k), b, w2

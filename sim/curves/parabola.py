@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sim.vector import across, axpy, dot, gap, norm, scale, sub
+from sim.curves.majorant import chord
+from sim.vector import across, axpy, dot, gap, norm, sub
 
 
 def flight(x, v, k, b, w2):
@@ -35,9 +36,15 @@ def seen_along(curve, n):
     return across(n, x), across(n, v), across(n, k)
 
 
-def swelling(curve, s, length, sagitta):
-    """How a piece of the curve leaves its chord: by a part of a vector (m), and by a distance (m)."""
-    return scale(-0.125 * length * length, curve[2]), 0.0
+def piece(curve, s, end, off):
+    """A piece of the curve from s on: its length (s), the path x + v t + k t^2/2 it takes, and how near (m) to that it stays.
+
+    The rest of the curve, if it is curved along one axis at most, as paths are; else a chord.
+    """
+    k = curve[2]
+    if (k[0] != 0.0) + (k[1] != 0.0) + (k[2] != 0.0) <= 1:
+        return end - s, (point(curve, s), slope(curve, s), k), 0.0
+    return chord(curve, s, end, off)
 
 
 def project(curve, n, p, offset):

@@ -10,6 +10,7 @@ from sim.reduction import features
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.sheet import merge, sheet
 from sim.tree import build as build_tree
+from sim.tree import search_room
 from tests.sim.helpers import soup
 
 NOBODY = np.zeros((0, 3))
@@ -514,11 +515,11 @@ def test_unbounded_planes_come_first_and_stay_out_of_the_tree():
     assert list(found.faces.surface[2:]) == [0] * counts[0].faces + [2] * 6
     assert list(found.edges.surface) == [0] * counts[0].edges + [2] * 12
     assert np.isfinite(found.tree.box[0]).all()
-    search = packed.search_room(pack(found))
+    search = search_room(len(found.faces.axis) + len(found.edges.length))
     count = packed.ahead(pack(found), (0.0, 5.0, 0.0), (0.0, 1.0, 0.0), np.inf, search)
     assert list(search.found[:count]) == [0, 1]
     few, _ = features([CUBE, Plane()], NOBODY)
-    search = packed.search_room(pack(few))
+    search = search_room(len(few.faces.axis) + len(few.edges.length))
     assert few.everywhere == 1 and packed.ahead(pack(few), (0.0, 9.0, 0.0), (0.0, 1.0, 0.0), 1.0, search) == 19
     assert list(search.found) == list(range(19))
 
@@ -528,7 +529,7 @@ def test_the_tree_opens_no_crack(monkeypatch):
     monkeypatch.setattr(reduction, "FEW", 0)
     found, _ = features([Rectangle((0, 0, 0), (0, 1, 0), (2, 2))], NOBODY, edges=False)
     for off, within in ((0.0, 1), (1e-13, 1), (1e-6, 0)):
-        search = packed.search_room(pack(found))
+        search = search_room(len(found.faces.axis) + len(found.edges.length))
         assert packed.ahead(pack(found), (1 + off, 1.0, 0.0), (0.0, -1.0, 0.0), np.inf, search) == within
         assert Seen(found).covers(0, (1 + off, 0.0, 0.0)) == within
 

@@ -15,12 +15,12 @@ from sim import jit
 from sim.curves import majorant
 from sim.curves.oscillation import response
 from sim.engines import CURVE
-from sim.packed import ALONG, AXIS, FIRST, LAST, LENGTH, NORMAL, POINT, SIDES, START, Packed, covers, pack, search_room
+from sim.packed import ALONG, AXIS, FIRST, LAST, LENGTH, NORMAL, POINT, SIDES, START, Packed, covers, pack
 from sim.reduction import NO_ROWS, features
 from sim.rest import no_contacts
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.touch import NONE, first_touch
-from sim.tree import build
+from sim.tree import build, search_room
 from tests.sim import oracle
 from tests.sim.helpers import FREE, soup
 
@@ -34,7 +34,7 @@ KINDS = "parabola", "oscillation", "cubic"
 def kernel(kind):
     """`first_touch` as it is compiled for a curve."""
     own = vars(importlib.import_module(f"sim.curves.{kind}"))
-    return jit.bind(first_touch, fall=own.get("fall", majorant.fall), **{n: own[n] for n in CURVE if n in own and n != "fall"})
+    return jit.bind(first_touch, **{"fall": majorant.fall, "piece": majorant.chord} | {n: own[n] for n in CURVE if n in own})
 
 
 class Case(NamedTuple):
@@ -44,7 +44,8 @@ class Case(NamedTuple):
     end: float
 
     def found(self):
-        return kernel(self.kind)(self.curve, self.packed, search_room(self.packed), RADIUS, self.end, no_contacts(), NONE)
+        room = search_room(len(self.packed.faces) + len(self.packed.edges))
+        return kernel(self.kind)(self.curve, self.packed, room, RADIUS, self.end, no_contacts(), NONE)[:2]
 
     def expected(self):
         if self.kind == "oscillation":

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from sim import reduction
-from sim.tree import STACK, WIDE, along, build, overlapping
+from sim.tree import WIDE, along, build, cast, enter, onward, overlapping, search_room
 from tests.sim.helpers import CORRIDOR, LIFT, fly, random_balls, room
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-ROOM = np.zeros(2 * STACK, np.int64), np.zeros(WIDE, bool)
+STILL = (0.0, 0.0, 0.0)
 
 
 def boxes(kind, n, rng):
@@ -27,10 +27,12 @@ def boxes(kind, n, rng):
     return low, high
 
 
-def search(tree, n, x, direction, reach=np.inf, margin=0.0):
-    found = np.full(n, -1)
-    count = along(tree, tuple(x), tuple(direction), reach, margin, (0.0, 0.0, 0.0), found, *ROOM, n)
-    return list(found[:count])
+def search(tree, n, x, direction, reach=np.inf, margin=0.0, bend=STILL):
+    """The items found, and for each from when to when."""
+    room = search_room(n)
+    with np.errstate(invalid="ignore", over="ignore"):  # at the empty places of a group
+        count = along(tree, (tuple(x), tuple(direction), tuple(bend)), reach, margin, room, 0)
+    return list(room.found[:count]), room.times[:count], room.until[:count]
 
 
 def brute(low, high, x, direction, reach, margin=0.0):
@@ -63,12 +65,53 @@ def test_finds_all_that_brute_force_finds(kind, n):
             direction = (low[k % n] + high[k % n]) / 2 - x
         reach = rng.choice([np.inf, 1.0, 7.0])
         margin = rng.choice([0.0, 0.3])
-        found = search(tree, n, x, direction, reach, margin)
+        found, _, _ = search(tree, n, x, direction, reach, margin)
         assert len(found) == len(set(found))
         expected = brute(low, high, x, direction, reach, margin)
         assert expected <= set(found)
         hits += len(expected)
     assert hits >= 20
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_finds_what_a_parabola_meets_and_when(axis):
+    """Against the path at many times: whenever it is within the margin of a box, the box is found and that time is in its span;
+    and seldom is a box found that it does not meet."""
+    rng = np.random.default_rng(axis)
+    found_in_all, met_in_all = 0, 0
+    for _ in range(30):
+        low, high = boxes("solid", 500, rng)
+        x, v, bend = rng.uniform(-6, 6, 3), rng.normal(0, 4, 3), np.zeros(3)
+        bend[axis] = rng.normal(0, 10)
+        v[(axis + 1) % 3] *= rng.choice([0, 1])
+        margin, reach = rng.choice([0.0, 0.3]), 1.5
+        found, since, until = search(build(low, high), 500, x, v, reach, margin, bend)
+        t = np.linspace(0, reach, 5001)[:, None]
+        path = (x + v * t + bend * t**2 / 2)[:, None]
+        inside = ((path >= low - margin) & (path <= high + margin)).all(axis=2)
+        met = np.flatnonzero(inside.any(axis=0))
+        assert set(met) <= set(found)
+        for item, begin, end in zip(found, since, until):
+            times = t[inside[:, item], 0]
+            assert len(times) == 0 or (begin <= times[0] and times[-1] <= end)
+        found_in_all, met_in_all = found_in_all + len(found), met_in_all + len(met)
+    assert met_in_all > 100 and found_in_all < 1.02 * met_in_all  # those met between two of the times
+
+
+def test_what_comes_first_is_found_first():
+    """In a row of boxes, given in any order, those far beyond the reach of the search are never looked at, though it only
+    shrinks on the way."""
+    n = 4096
+    low = np.outer(np.random.default_rng(0).permutation(n), (1.0, 0.0, 0.0))
+    tree, room = build(low, low + 0.5), search_room(n)
+    with np.errstate(invalid="ignore"):
+        ray, top = cast(((-1.0, 0.2, 0.2), (1.0, 0.0, 0.0), STILL), 1e4, 0.0), enter(tree, room)
+        top, count = onward(tree, ray, 1e4, room, top, 0)
+        nearest = room.times[:count].min()
+        assert nearest == pytest.approx(1.0)
+        while top > 0:
+            top, count = onward(tree, ray, nearest, room, top, count)
+    assert count <= WIDE
 
 
 def test_every_box_is_in_the_tree_once():
@@ -80,8 +123,7 @@ def test_every_box_is_in_the_tree_once():
 def test_no_boxes_no_tree():
     tree = build(np.zeros((0, 3)), np.zeros((0, 3)))
     assert len(tree.items) == 0
-    found, still = np.arange(3), (0.0, 0.0, 0.0)
-    assert along(tree, still, (1.0, 0.0, 0.0), 1.0, 0.0, still, found, *ROOM, 3) == 3 and list(found) == [0, 1, 2]
+    assert search(tree, 3, STILL, (1.0, 0.0, 0.0))[0] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("n", [WIDE**k + 1 for k in range(1, 4)])
@@ -92,9 +134,8 @@ def test_a_search_looks_at_few_groups(n):
     tree = build(low, low + 0.5)
     for x in (0.2, n // 2 + 0.2, n - 0.8):
         groups = Counted(tree.level)
-        ray = (x, -1.0, -1.0), (0.01, 0.8, 0.6), np.inf
-        count = along(tree._replace(level=groups), *ray, 0.0, (0.0, 0.0, 0.0), np.empty(n, int), *ROOM, n)
-        assert 1 <= count <= 3
+        found, _, _ = search(tree._replace(level=groups), n, (x, -1.0, -1.0), (0.01, 0.8, 0.6))
+        assert 1 <= len(found) <= 3
         # a group a level on the way down, plus some neighbours
         assert groups.asked <= 3 * (len(tree.level) - 1)
 
@@ -151,7 +192,7 @@ def test_few_faces_need_no_tree():
 def test_a_margin_is_around_each_box():
     tree = build(np.zeros((1, 3)), np.ones((1, 3)))
     for distance, margin, found in ((0.5, 0.0, []), (0.5, 0.4, []), (0.5, 0.6, [0])):
-        assert search(tree, 1, (-1.0, 1 + distance, 0.5), (1.0, 0.0, 0.0), margin=margin) == found
+        assert search(tree, 1, (-1.0, 1 + distance, 0.5), (1.0, 0.0, 0.0), margin=margin)[0] == found
 
 
 @pytest.mark.parametrize("kind", ["solid", "flat", "points", "coincident", "in a row"])
