@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.model import Invalid, Vector
 from sim.shapes import Triangles
+from sim.sheet import weld
 
 LARGEST = 1_000_000_000  # bytes
 
@@ -64,4 +65,5 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
         about_axis[[a, b], [a, b]] = np.cos(angle)
         about_axis[a, b], about_axis[b, a] = -np.sin(angle), np.sin(angle)
         turn = about_axis @ turn
-    return Triangles(scale * triangles.vertices @ turn.T + np.asarray(translate, float), triangles.corners)
+    # formats without shared vertices give each triangle three of its own
+    return Triangles(*weld(scale * triangles.vertices @ turn.T + np.asarray(translate, float), triangles.corners))

@@ -35,7 +35,7 @@ class Edges(NamedTuple):
 
 
 class Features(NamedTuple):
-    """All that a ball can touch. Numbered through: n faces, then m edges."""
+    """All that a ball can touch. Numbered through: n faces, then m edges, both in the order of their tree."""
 
     faces: Faces
     edges: Edges

@@ -88,8 +88,9 @@ def _is_kernel(value: Any) -> bool:
 
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
-    *("advance", "travel", "fly", "hop", "look", "check", "onward", "response", "touch_edge", "slide_around", "turn", "arc"),
-    *("passes_out", "slides_off"),
+    *("advance", "travel", "fly", "hop", "look", "check", "onward", "response", "touch_edge", "beside", "onto_face", "onto_edge"),
+    *("slide_around", "turn", "arc", "passes_out", "slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing"),
+    *("put_on", "meets"),
 }
 
 

@@ -28,27 +28,15 @@ class Packed(NamedTuple):
 
 
 def pack(features: Features) -> Packed:
-    """The features, in the order of their tree, so that what is near in space is near in memory."""
+    """The features, in their order."""
     f, e = features.faces, features.edges
-    n, m = len(f.surface), len(e.surface)
-    faces = np.column_stack([f.point, f.normal, 1.0 + f.two_sided, f.axis, f.first[:-1], f.first[1:], f.surface])
-    faces = faces.reshape(n, FACE_WIDTH)
-    edges = np.column_stack([e.start, e.along, e.length, e.surface]).reshape(m, EDGE_WIDTH)
-    tree, always = features.tree, features.everywhere
-    if len(tree.items):
-        order = tree.items
-        rows = np.concatenate([np.arange(always), order[order < n], order[order >= n]])
-        number = np.empty_like(rows)
-        number[rows] = np.arange(n + m)
-        faces, edges = faces[rows[:n]], edges[rows[n:] - n]
-        tree = tree._replace(items=number[tree.items])
-        first, last = faces[:, FIRST].astype(int), faces[:, LAST].astype(int)
-        count = last - first
-        begin = np.cumsum(count) - count
-        lines = np.repeat(first - begin, count) + np.arange(count.sum())
-        faces[:, FIRST], faces[:, LAST] = begin, begin + count
-        f = f._replace(outline=f.outline[lines])
-    return Packed(np.ascontiguousarray(faces), f.outline, np.ascontiguousarray(edges), tree, always)
+    faces, edges = np.empty((len(f.surface), FACE_WIDTH)), np.empty((len(e.surface), EDGE_WIDTH))
+    faces[:, POINT : POINT + 3], faces[:, NORMAL : NORMAL + 3] = f.point, f.normal
+    faces[:, SIDES], faces[:, AXIS], faces[:, SURFACE] = 1.0 + f.two_sided, f.axis, f.surface
+    faces[:, FIRST], faces[:, LAST] = f.first[:-1], f.first[1:]
+    edges[:, START : START + 3], edges[:, ALONG : ALONG + 3] = e.start, e.along
+    edges[:, LENGTH], edges[:, OF] = e.length, e.surface
+    return Packed(faces, f.outline, edges, features.tree, features.everywhere)
 
 
 def vector(rows, i, column):

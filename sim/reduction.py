@@ -58,17 +58,27 @@ def features(shapes: Sequence, starts: np.ndarray, reduce: bool = True, edges: b
     Without `reduce` every triangle stays a face and every edge an edge; without `edges` there are none.
     """
     starts = np.unique(np.asarray(starts, float).reshape(-1, 3), axis=0)
-    parts, reductions = [], []
-    for number, shape in enumerate(shapes):
-        part, reduction = _plane(shape, number) if shape.unbounded else _surface(shape, number, starts, reduce, edges)
-        parts.append(part)
-        reductions.append(reduction)
-    order = sorted(range(len(parts)), key=lambda number: not shapes[number].unbounded)
-    faces, kept, low, high = (_join(column) for column in zip(NOTHING, *(parts[number] for number in order)))
+    built = [
+        _plane(shape, number) if shape.unbounded else _surface(shape, number, starts, reduce, edges)
+        for number, shape in enumerate(shapes)
+    ]
+    reductions = [reduction for _, reduction in built]
+    order = sorted(range(len(shapes)), key=lambda number: not shapes[number].unbounded)
+    faces, kept, low, high = zip(NOTHING, *(built[number][0] for number in order))
     everywhere = sum(shape.unbounded for shape in shapes)
-    del parts
+    faces, kept = _join(faces), _join(kept)
+    low, high = (np.concatenate([*boxes, kept.start])[everywhere:] for boxes in (low, high))
+    del built  # of a million triangles each form takes a hundred megabytes or more
     tree = _tree(kept, low, high, everywhere)
-    if reduce and edges and len(kept.length) == 0 and len(tree.items) == 0 and _is_room(faces, starts):
+    del low, high
+    # in the order of the tree, so that what is near in space is near in memory
+    if len(tree.items):
+        n, of_face = len(faces.axis), tree.items < len(faces.axis)
+        face, edge = np.append(np.arange(everywhere), tree.items[of_face]), tree.items[~of_face] - n
+        tree.items[of_face], tree.items[~of_face] = np.arange(everywhere, n), np.arange(n, n + len(edge))
+        faces = _picked(faces, face)
+        kept = Edges(*(array[edge] for array in kept))
+    elif reduce and edges and len(kept.length) == 0 and _is_room(faces, starts):
         faces = faces._replace(first=np.zeros_like(faces.first), outline=NO_OUTLINE)
         for reduction in reductions:
             reduction.room = True
@@ -100,12 +110,12 @@ def _is_room(faces: Faces, starts: np.ndarray) -> bool:
 
 
 def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:
-    """The tree over the bounded of the faces' boxes, `low` to `high` (n, 3) m, and those of the edges; none over few."""
-    n = len(low) - everywhere
-    low, high = (np.concatenate([box[everywhere:], edges.start]) for box in (low, high))
+    """The tree over boxes `low` to `high` (n, 3) m of faces, and of edges of which only the start is in them so far; none over
+    few. The boxes are overwritten."""
     if everywhere + len(low) <= FEW:
-        low, high = low[:0], high[:0]
-    for k in range(3 if len(low) else 0):
+        return build(low[:0], high[:0])
+    n = len(low) - len(edges.start)
+    for k in range(3):
         end = edges.start[:, k] + edges.length * edges.along[:, k]
         low[n:, k], high[n:, k] = np.minimum(low[n:, k], end), np.maximum(high[n:, k], end)
     # larger by what `covers` lets pass beside an outline, or the tree would open the cracks that it closes
@@ -118,6 +128,14 @@ def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> T
     tree = build(low, high)
     tree.items[:] += everywhere
     return tree
+
+
+def _picked(faces: Faces, which: np.ndarray) -> Faces:
+    """The faces `which` (k,), in this order."""
+    count = np.diff(faces.first)[which]
+    first = np.append(0, np.cumsum(count))
+    row = np.arange(first[-1]) + np.repeat(faces.first[which] - first[:-1], count)
+    return Faces(*(array[which] for array in faces[:-2]), first, faces.outline[row])
 
 
 def _join(column):
@@ -147,30 +165,31 @@ def _plane(shape, number: int) -> tuple[Part, Reduction]:
 def _surface(shape, number: int, starts: np.ndarray, reduce: bool, edges: bool) -> tuple[Part, Reduction]:
     mesh = shape.mesh()
     whole, degenerate, duplicate = sheet(*mesh, distinct=reduce)
-    alike, rise, off, cosine = folds(whole)
+    alike, onward, flat, rise = folds(whole)
     side, closed = sides(whole, alike, starts if reduce else starts[:0])
     if not shape.two_sided:
         side = np.ones_like(side)
     one, other = whole.pairs.T
 
-    # of two triangles the smaller tells whether they are in one plane: its own, drawn out to the larger, is less sure
-    flat = reduce & (off <= whole.rounding) & (cosine > 0) & (alike | shape.two_sided)
+    inner = reduce & alike & (side[one // 3] * rise > whole.rounding)
+    del rise
+    flat &= reduce & onward & (alike | shape.two_sided)
     while True:
         first, normal, face, sign = merge(whole, flat)
-        level = reduce & (face[one // 3] == face[other // 3]) & (cosine > 0)
+        level = reduce & onward & (face[one // 3] == face[other // 3])
         faces, low, high = _faces(whole, level, first, normal, face, sign, side)
         double = _double(whole, faces, face)
         if len(double) == 0:
             break
         flat &= ~np.isin(face[one // 3], double)
-    inner = reduce & ~level & alike & (side[one // 3] * rise > whole.rounding)
+    inner &= ~level
 
     out = ~level & ~inner
     kept = np.concatenate([whole.border, whole.crowded, one[out]])
     beyond = np.concatenate([np.full(len(whole.border), -1), np.full(len(whole.crowded), -2), face[other[out] // 3]])
     lines, corners = NOTHING.edges, 0
     if edges:
-        lines, corners = _edges(whole, kept, sign[kept // 3], face[kept // 3], beyond, number, reduce)
+        lines, corners = _edges(whole, kept, sign[kept // 3] < 0, face[kept // 3], beyond, number, reduce)
     reduction = Reduction(
         triangles=len(mesh.triangles),
         degenerate=degenerate,
@@ -209,20 +228,23 @@ def _faces(whole: Sheet, flat, first, normal, face, sign, side) -> tuple[Faces, 
     line, end = straighten(whole, a, b, face[some // 3])
 
     of = np.concatenate([face[alone // 3], face[some[line] // 3]])
+    begin, end = np.concatenate([whole.start[alone], a[line]]), np.concatenate([whole.end[alone], end])
+    del alone, some, a, b, line
     order = np.argsort(of, kind="stable")
-    of = of[order]
-    begin, end = np.concatenate([whole.start[alone], a[line]])[order], np.concatenate([whole.end[alone], end])[order]
     axis = np.abs(normal).argmax(axis=1)
     outline = np.empty((len(of), 4))
+    coordinates = whole.vertices.ravel()
     for rows in portions(len(of)):
-        u, v = ((axis[of[rows]] + shift) % 3 for shift in (1, 2))
-        for column, (vertex, coordinate) in enumerate(((begin, u), (begin, v), (end, u), (end, v))):
-            outline[rows, column] = whole.vertices[vertex[rows], coordinate]
+        here = order[rows]
+        from_, to, w = 3 * begin[here], 3 * end[here], axis[of[here]]
+        u, v = (w + 1) % 3, (w + 2) % 3
+        for column, place in enumerate((from_ + u, from_ + v, to + u, to + v)):
+            outline[rows, column] = coordinates[place]
 
     # one-sided faces look to where the balls are
     toward = side[first]
     point = whole.vertices[whole.corners[first, 0]]
-    normal = np.where(toward < 0, -1.0, 1.0)[:, None] * normal
+    normal[toward < 0] *= -1.0
     boxes = []
     for join, far in ((np.minimum, np.inf), (np.maximum, -np.inf)):
         box = np.full((n, 3), far)
@@ -244,19 +266,19 @@ def _double(whole: Sheet, faces: Faces, face: np.ndarray) -> np.ndarray:
     return np.unique(face[some[distances(faces, face[some], middle) > 4 * whole.rounding]])
 
 
-def _edges(whole: Sheet, kept, sign, here, beyond, number: int, reduce: bool) -> tuple[Edges, int]:
+def _edges(whole: Sheet, kept, turned, here, beyond, number: int, reduce: bool) -> tuple[Edges, int]:
     """The edges of sides `kept` (k,) between faces `here` and `beyond`, made one where they go straight on, and the count of
-    their distinct ends."""
+    their distinct ends. `turned` tells which sides run against the winding of the face `here`."""
     a, b = whole.start[kept], whole.end[kept]
     if reduce:
         # run all edges between two faces the same way, along the outline of the one
-        swap = (beyond > here) != (sign < 0)
-        low, high = np.minimum(here, beyond), np.maximum(here, beyond)
-        a, b = np.where(swap, b, a), np.where(swap, a, b)
-        ends = np.bincount(np.concatenate([a, b]), minlength=len(whole.vertices))
+        swap = (beyond > here) != turned
+        a[swap], b[swap] = b[swap], a[swap]
+        ends = np.bincount(a, minlength=len(whole.vertices)) + np.bincount(b, minlength=len(whole.vertices))
         # where no other edge meets it, an edge goes on between the same faces
         lone = np.flatnonzero((ends[a] == 2) | (ends[b] == 2))
-        group = np.unique(low[lone] * (len(whole.corners) + 2) + high[lone], return_inverse=True)[1]
+        low, high = np.minimum(here[lone], beyond[lone]), np.maximum(here[lone], beyond[lone])
+        group = np.unique(low * (len(whole.corners) + 2) + high, return_inverse=True)[1]
         line, end = straighten(whole, a[lone], b[lone], group)
         b[lone[line]] = end
         stays = np.ones(len(a), bool)

@@ -65,11 +65,6 @@ def parallel(contacts, normal):
     return NONE
 
 
-def only(contacts, k):
-    """Of the contacts the k-th."""
-    return add(no_contacts(), contacts.items[k], contacts.normals[k], contacts.held)
-
-
 def replaced(contacts, k, item, normal):
     """The contacts, the k-th by another."""
     i, n = contacts.items, contacts.normals

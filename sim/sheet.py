@@ -13,6 +13,7 @@ import numpy as np
 ROUNDING = 16 * np.finfo(float).eps
 
 PORTION = 2**17  # rows
+INDEX = np.int32  # of vertices and sides: a file has room for so many, and in memory they are most of a sheet
 
 
 class Sheet(NamedTuple):
@@ -46,11 +47,12 @@ def sheet(vertices: np.ndarray, corners: np.ndarray, distinct: bool = True) -> t
     duplicate = len(corners) - degenerate - len(kept)
     corners, area = corners[kept], area[kept]
     start, end = corners.ravel(), corners[:, [1, 2, 0]].ravel()
-    edge = np.minimum(start, end) * len(vertices) + np.maximum(start, end)
+    edge = np.minimum(start, end) * np.int64(len(vertices)) + np.maximum(start, end)
     order = np.argsort(edge, kind="stable")
-    edge = edge[order]
-    first = np.flatnonzero(np.diff(edge, prepend=-1))
-    sides = np.diff(first, append=len(edge))
+    first = np.flatnonzero(np.diff(edge[order], prepend=-1))
+    del edge
+    order = order.astype(INDEX)
+    sides = np.diff(first, append=len(order))
     two = first[sides == 2]
     pairs = np.stack([order[two], order[two + 1]], axis=1)
     whole = Sheet(
@@ -62,7 +64,7 @@ def sheet(vertices: np.ndarray, corners: np.ndarray, distinct: bool = True) -> t
 def weld(vertices: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same triangles with vertices that are equal made one."""
     order, fresh = alike_rows(vertices)
-    number = np.empty(len(order), np.int64)
+    number = np.empty(len(order), INDEX)
     number[order] = np.cumsum(fresh) - 1
     return vertices[order[fresh]], number[corners]
 
@@ -126,19 +128,23 @@ def heights(sheet: Sheet, normal: np.ndarray, triangle: np.ndarray, side: np.nda
 
 
 def folds(sheet: Sheet) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of each pair of sides: whether their triangles wind alike, the height (m) of the farther far corner over the other's plane,
-    the size of the smaller of the two heights, and the cosine between the normals, of winding made alike."""
+    """Of each pair of sides: whether their triangles wind alike; whether the normals, of winding made alike, are less than a
+    right angle apart; whether both are in one plane; and the height (m) of the farther far corner over the other's plane.
+
+    The smaller triangle tells whether they are in one plane: its own, drawn out to the larger, is less sure.
+    """
     normal = sheet.area / np.linalg.norm(sheet.area, axis=1, keepdims=True)
     one, other = sheet.pairs.T
     alike = sheet.start[one] == sheet.end[other]
-    rise, off, cosine = (np.empty(len(one)) for _ in range(3))
+    onward, flat, rise = np.empty(len(one), bool), np.empty(len(one), bool), np.empty(len(one))
     for some in portions(len(one)):
         p, q = one[some], other[some]
         first, second = heights(sheet, normal, p // 3, q), heights(sheet, normal, q // 3, p)
         rise[some] = np.where(np.abs(first) > np.abs(second), first, second)
-        off[some] = np.minimum(np.abs(first), np.abs(second))
-        cosine[some] = np.sum(normal[p // 3] * normal[q // 3], axis=1)
-    return alike, rise, off, np.where(alike, cosine, -cosine)
+        flat[some] = np.minimum(np.abs(first), np.abs(second)) <= sheet.rounding
+        cosine = np.sum(normal[p // 3] * normal[q // 3], axis=1)
+        onward[some] = np.where(alike[some], cosine, -cosine) > 0
+    return alike, onward, flat, rise
 
 
 def merge(sheet: Sheet, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 from sim import engines, forces, impact, inside, integrators, log, reduction
 from sim.energy import ledger, total_energy
 from sim.model import BOUNCE, REST, Balls, Body, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
-from sim.packed import pack
+from sim.packed import Packed, pack
 
 CONTACTS = ("swept", "original")
 EXACT = "exact"
@@ -85,9 +85,14 @@ def frame_times(duration: float, every: float) -> np.ndarray:
 
 
 class Simulation:
-    """A simulation ready to run: geometry built, kernel compiled. `run` may be repeated, and gives the same each time."""
+    """A simulation ready to run: geometry built, kernel compiled. `run` may be repeated, and gives the same each time.
 
-    def __init__(self, scene: Scene, balls: Balls, solver: Solver, duration: float, every: float):
+    The geometry is that of `like` where it is given: a simulation of the same scene, balls and contact rule.
+    """
+
+    def __init__(
+        self, scene: Scene, balls: Balls, solver: Solver, duration: float, every: float, like: Simulation | None = None
+    ):
         if len(balls) == 0:
             raise Invalid("balls", "none is released within the duration")
         if balls.mass > scene.wall_mass:
@@ -98,14 +103,19 @@ class Simulation:
         e = scene.restitution if scene.restitution is not None else impact.restitution(balls.mass, scene.wall_mass)
         body = Body(float(balls.mass), float(balls.radius), float(balls.lifetime), float(e), float(scene.damping))
         packed = forces.pack(self.fields, scene.gravity, balls.mass)
-        swept = solver.contact == "swept"
+        self.features, self.reductions = (like.features, like.reductions) if like else self._geometry()
+        engine = engines.Swept if solver.contact == "swept" else engines.Original
+        self.engine = engine(solver.method, float(solver.step), balls, duration, body, packed, self.features)
+
+    def _geometry(self) -> tuple[Packed, list[reduction.Reduction]]:
+        """What the balls can touch, and what was reduced. Raises Invalid when one starts inside a surface."""
+        swept, surfaces = self.solver.contact == "swept", self.scene.surfaces
         # the original's rule knows no edges, and lets balls through to where they did not start
-        starts = balls.position if swept else np.zeros((0, 3))
-        features, self.reductions = reduction.features(list(scene.surfaces.values()), starts, edges=swept)
-        if swept and (sunk := inside.starts_inside(scene.surfaces, features, balls)):
+        starts = self.balls.position if swept else np.zeros((0, 3))
+        features, reductions = reduction.features(list(surfaces.values()), starts, edges=swept)
+        if swept and (sunk := inside.starts_inside(surfaces, features, self.balls)):
             raise Invalid("balls", sunk[1])
-        engine = engines.Swept if swept else engines.Original
-        self.engine = engine(solver.method, float(solver.step), balls, duration, body, packed, pack(features))
+        return pack(features), reductions
 
     def warm(self) -> None:
         """Compile the kernel, or load it from disk, without moving a ball."""

@@ -16,9 +16,9 @@ from sim.curves.majorant import MOST, polish, stride
 
 # bound to the curve's own before they are compiled
 from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
-from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, height, vector
+from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.tree import cast, enter, onward
-from sim.vector import across, axpy, dot, norm, scale, sub
+from sim.vector import across, axpy, cross, dot, norm, scale, sub
 
 EPS = np.finfo(float).eps
 NONE = -1
@@ -26,6 +26,7 @@ OFF = 2.0  # radii that a piece of the curve may be off the path looked along
 SLACK = 1e-6  # share of the radius by which more is looked at than can be touched: what bounds the times is rounded
 FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
 LEVEL = 1e-12  # of the speed: a velocity toward an edge that is rounding
+NEXT = 1e-6  # radii: of a ball that slides around a corner, how near to one place on it the nearest of two edges are
 TIE = 1e-12  # of the time: an edge touched before a face by no more than this is taken for touched with it
 
 
@@ -68,7 +69,9 @@ def earliest(curve, features, search, first, last, radius, begin, end, item, bes
         i, since = search.found[c], begin + search.times[c]
         if i < n or since > best or (contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts)):
             continue
-        s = touch_edge(curve, edges, i - n, radius, since, min(best, min(begin + search.until[c], end)))
+        s = beside(curve, faces, edges, features.outline, i, radius, best, contacts) if contacts.count > 0 else -1.0
+        if s < 0.0:
+            s = touch_edge(curve, edges, i - n, radius, since, min(best, min(begin + search.until[c], end)))
         soonest = rank(best, item, n)
         if rank(s, i, n) < soonest or (rank(s, i, n) == soonest and (item == NONE or i < item)):
             item, best = i, s
@@ -87,11 +90,13 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
         if contacts.count > 0 and lies_on(curve, faces, features.edges, i, radius, contacts):
             times[c] = np.inf
             continue
-        times[c] = first_fall(plane_gap(curve, faces, i, 1.0, radius), radius, best)
-        if i == left and times[c] * norm(slope(curve, 0.0)) <= FLAT * radius:
-            times[c] = fall(plane_gap(curve, faces, i, 1.0, radius), times[c], best, True)
+        if contacts.count > 0:
+            times[c] = beside(curve, faces, features.edges, features.outline, i, radius, best, contacts)
+            if times[c] >= 0.0:
+                continue
+        times[c] = touch_side(curve, faces, i, 1.0, radius, best, i == left)
         if faces[i, SIDES] > 1.0:
-            times[c] = min(times[c], first_fall(plane_gap(curve, faces, i, -1.0, radius), radius, best))
+            times[c] = min(times[c], touch_side(curve, faces, i, -1.0, radius, best, i == left))
         if times[c] > till:  # on the face's plane, but not on it
             times[c] = np.inf
     while True:
@@ -120,10 +125,66 @@ def lies_on(curve, faces, edges, i, radius, contacts):
         if i == contacts.items[k]:
             return True
         e, n = i - len(faces), contacts.normals[k]
-        if e >= 0 and abs(dot(n, vector(edges, e, ALONG))) <= FLAT:
+        if e >= 0 and contacts.items[k] < len(faces) and abs(dot(n, vector(edges, e, ALONG))) <= FLAT:
             if abs(dot(n, sub(vector(edges, e, START), x)) + radius) <= FLAT * radius:
                 return True
     return False
+
+
+def beside(curve, faces, edges, outline, i, radius, end, contacts):
+    """When (s) a ball that slides around an edge comes from there onto feature i beside it, inf if not within `end`; below zero
+    where i is beside no edge that it lies on."""
+    n, s = len(faces), -1.0
+    for k in range(contacts.count):
+        e = contacts.items[k] - n
+        if e >= 0 and s < 0.0 and i < n:
+            s = onto_face(curve, faces, edges, outline, i, e, radius, end)
+        elif e >= 0 and s < 0.0:
+            s = onto_edge(curve, edges, i - n, e, radius, end)
+    return s
+
+
+def onto_face(curve, faces, edges, outline, f, e, radius, end):
+    """When (s) a ball that slides around edge e comes onto face f beside it: where its centre gets straight over the edge, seen
+    from the face. Below zero if f is not beside it."""
+    axis, begin, length = vector(edges, e, ALONG), vector(edges, e, START), edges[e, LENGTH]
+    normal = vector(faces, f, NORMAL)
+    if abs(dot(normal, axis)) > FLAT or abs(height(faces, f, begin)) > FLAT * radius:
+        return -1.0
+    inward, middle = cross(normal, axis), axpy(0.5 * length, axis, begin)
+    if not covers(faces, outline, f, axpy(1e-6 * length, inward, middle)):
+        inward = scale(-1.0, inward)
+        if not covers(faces, outline, f, axpy(1e-6 * length, inward, middle)):
+            return -1.0
+    if faces[f, SIDES] == 1.0 and height(faces, f, point(curve, 0.0)) < 0.0:
+        return np.inf
+    return first_fall(project(curve, scale(-1.0, inward), begin, 0.0), radius, end)
+
+
+def onto_edge(curve, edges, i, e, radius, end):
+    """When (s) a ball that slides around the corner at an end of edge e comes from there onto edge i, which ends there too: where
+    its centre passes straight over that end, more toward i than toward e. Below zero if they share no corner under the ball."""
+    x = point(curve, 0.0)
+    if norm(sub(from_edge(edges, e, x), from_edge(edges, i, x))) > NEXT * radius:
+        return -1.0
+    corner, way = nearer_end(edges, i, x)
+    other, back = nearer_end(edges, e, x)
+    if norm(sub(corner, other)) > FLAT * radius or dot(sub(x, corner), way) > NEXT * radius:
+        return -1.0
+    s = first_fall(project(curve, scale(-1.0, way), corner, 0.0), radius, end)
+    if s < np.inf:
+        v = slope(curve, s)
+        if dot(v, way) <= dot(v, back):
+            return np.inf
+    return s
+
+
+def nearer_end(edges, e, x):
+    """The end of edge e that is nearer to x, and the direction from there along the edge."""
+    axis, begin, length = vector(edges, e, ALONG), vector(edges, e, START), edges[e, LENGTH]
+    if dot(sub(x, begin), axis) <= 0.5 * length:
+        return begin, axis
+    return axpy(length, axis, begin), scale(-1.0, axis)
 
 
 def rank(s, i, n):
@@ -134,6 +195,15 @@ def rank(s, i, n):
 def plane_gap(curve, faces, f, side, radius):
     """The gap (m) between the ball and one side of the plane of face f, along the curve."""
     return project(curve, scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT), radius)
+
+
+def touch_side(curve, faces, f, side, radius, end, left):
+    """When (s) the ball first comes down on a side of the plane of face f; not at once if it has just `left` the face."""
+    line = plane_gap(curve, faces, f, side, radius)
+    s = first_fall(line, radius, end)
+    if left and s * norm(slope(curve, 0.0)) <= FLAT * radius:
+        s = fall(line, s, end, True)
+    return s
 
 
 def first_fall(line, radius, end):

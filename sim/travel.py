@@ -23,7 +23,6 @@ from sim.rest import (
     add,
     comes_to_rest,
     no_contacts,
-    only,
     parallel,
     pressed,
     replaced,
@@ -32,7 +31,19 @@ from sim.rest import (
     time_to_rest,
     without,
 )
-from sim.slide import arc, edge_contact, flies_off, slide_around, slides_off, turn
+from sim.slide import (
+    arc,
+    curves,
+    flies_off,
+    meets,
+    on_edge,
+    pressing,
+    put_on,
+    reaches_end,
+    slide_around,
+    slides_off,
+    turn,
+)
 from sim.solvers.exact import (  # bound to the solver's own before they are compiled
     SMALL_STEPS,
     arrive,
@@ -59,7 +70,7 @@ from sim.state import (
     work_done,
 )
 from sim.touch import NONE, first_touch
-from sim.vector import ROUNDING, dot, norm, row
+from sim.vector import ROUNDING, axpy, dot, norm, row
 
 # How a call ends.
 DONE, PAUSED, DIVERGED, STALLED, READY = 0, 1, 2, 3, 4
@@ -121,24 +132,27 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
         # the piece: as far as nothing is known to happen before
         switch = next_end(age, forces)
         limit = min(end_of_flight, switch)
-        around = edge_contact(features.faces, contacts) if contacts.count > 0 and not contacts.held else NONE
-        aim = limit if contacts.held else goal(age, limit, dt)
-        if around != NONE and contacts.count > 1:
-            # on its way around the ball keeps no other contact, and meets again what it leans on
-            contacts, around = only(contacts, around), 0
-            mover = lying_on(mover, contacts)
-        if around != NONE:
-            aim = min(limit, age + arc(features, around, x, v, mover, body.radius))
+        aim, curved = limit, False
+        if not contacts.held:
+            aim = goal(age, limit, dt)
+            if contacts.count > 0:
+                contacts = pressing(features, x, v, mover)
+                mover = lying_on(mover, contacts)
+                curved = curves(features, contacts, x)
+        if curved:
+            aim = min(limit, age + arc(features, x, v, mover, body.radius))
         h = aim - age
         if contacts.held:
             curve, x1, v1 = flight(x, v, (0.0, 0.0, 0.0), 0.0, 0.0), x, v
-        elif around != NONE:
-            curve, x1, v1 = flight(x, v, turn(features, around, x, v, mover)[0], 0.0, 0.0), x, v
+        elif curved:
+            curve, x1, v1 = flight(x, v, turn(features, x, v, mover), 0.0, 0.0), x, v
         else:
             curve, x1, v1 = depart(h, age, x, v, mover)
 
         # the first event on it
         what, item, place, length, near = NOTHING, NONE, 0.0, h, 0
+        if contacts.count > 0 and not contacts.held:
+            length = reaches_end(curve, features, contacts, curved, h)
         free = contacts.held
         if SMALL_STEPS and contacts.count == 0:
             reach = way(curve, h)
@@ -147,7 +161,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
             free = reach < clear
             clear -= reach
         if not free:
-            touched, t, near = first_touch(curve, features, search, body.radius, h, contacts, left)
+            touched, t, near = first_touch(curve, features, search, body.radius, length, contacts, left)
             if touched != NONE:
                 what, item, length = TOUCH, touched, t
         if not contacts.held:
@@ -155,10 +169,12 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
                 axis, at, t = next_crossing(curve, x, v, forces, length)
                 if t < length or (t == length and what == NOTHING):
                     what, item, place, length = FACE, axis, at, t
-            if contacts.count > 0 and around == NONE:
+            if contacts.count > 0:
                 k, t = slides_off(curve, features, contacts, body.radius, length)
                 if t < length:
                     what, item, length = OFF, k, t
+        if curved and what == TOUCH and length > 0.0:
+            length = meets(features, item, length, h, x, v, mover, body.radius)
         arrival = aim if length == h else age + length
 
         # frames on the way
@@ -166,8 +182,8 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
             t = max(record.time[frame] - released - age, 0.0)
             if contacts.held:
                 xt, vt = x, v
-            elif around != NONE:
-                xt, vt, _ = slide_around(features, around, t, x, v, mover, body.radius)
+            elif curved:
+                xt, vt, _ = slide_around(features, t, x, v, mover, body.radius)
             else:
                 xt, vt = arrive(curve, t, h, x1, v1, age, x, v, mover)
             work = s[WORK] + work_done(curve, t, x, v, xt, vt, mover, body.mass)
@@ -181,9 +197,8 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
         # move to the end of it
         if contacts.held:
             x1, v1 = x, v
-        elif around != NONE:
-            x1, v1, normal = slide_around(features, around, length, x, v, mover, body.radius)
-            contacts = replaced(contacts, around, contacts.items[around], normal)
+        elif curved:
+            x1, v1, contacts = slide_around(features, length, x, v, mover, body.radius)
         else:
             x1, v1 = arrive(curve, length, h, x1, v1, age, x, v, mover)
             if what == TOUCH:
@@ -204,11 +219,16 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
             same = parallel(contacts, normal)
             if same != NONE:  # from an edge onto the face beside it, or the other way: no impact
                 contacts = replaced(contacts, same, item, normal)
+                if curved:
+                    x, contacts = put_on(features, contacts, x, body.radius)
                 v = tangent(v, contacts)
                 mover = lying_on(mover, contacts)
             else:
-                if dot(v, normal) >= 0.0:
-                    v = slope(curve, length)  # a step's own velocity may differ from that of its interpolant
+                if curved:
+                    x, _ = put_on(features, add(contacts, item, normal, False), x, body.radius)
+                if dot(v, normal) >= 0.0 and not curved:
+                    # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
+                    v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
                 if dot(v, normal) < 0.0:
                     v, vn, squared = rebound(v, normal, body.restitution, body.damping)
                     lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
@@ -220,7 +240,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
                 contacts = still_touching(v, acceleration(age, x, v, lying_on(mover, no_contacts())), contacts)
                 mover = lying_on(mover, contacts)
                 v = tangent(v, contacts)
-                a = acceleration(age, x, v, mover)
+                a = turn(features, x, v, mover)
                 stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
                 if stays and not flies_off(features, item, x, v, a, normal):
                     settled = released + age + time_to_rest(v, a, normal, body.restitution)
@@ -233,18 +253,18 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
                     note(log, rows, settled, ball, surface, x, normal, REST, norm(v1), lost)
                     rows += 1
                     v = v1
+                elif length == 0.0 and -4.0 * ROUNDING * norm(v) <= dot(v, normal) <= 0.0:
+                    v = axpy(4.0 * ROUNDING * norm(v), normal, v)  # else it might touch again at once, and again
         elif what == FACE:
             x = snapped(x, item, place)
         elif what == OFF:
             contacts, item = without(contacts, item), contacts.items[item]
-        if around != NONE and what == NOTHING and turn(features, around, x, v, lying_on(mover, contacts))[1] >= 0.0:
-            contacts = without(contacts, around)  # it flies off the edge
         changed = what == FACE or age == switch
-        if what == NOTHING and around == NONE and not changed:
+        if what == NOTHING and not curved and not changed:
             continue
         if what == OFF:
             left = item
-        elif edge_contact(features.faces, contacts) == NONE:
+        elif not on_edge(features.faces, contacts):
             left = NONE
         clear = 0.0
         if len(forces.selective) > 0:

@@ -191,7 +191,7 @@ def within(low, high, slab, near, far):
 
 
 def passes(low, high, bow, near, far):
-    """Whether a path comes between `low` and `high` (m) in the times from `near` to `far` (s); of a straight one that is known."""
+    """Whether a path comes between `low` and `high` (m) in the times from `near` to `far` (s); a straight one is known to."""
     x, v, k, turn, peak, margin = bow
     a, b = x + near * (v + 0.5 * near * k), x + far * (v + 0.5 * far * k)
     least, most = (a, b) if a < b else (b, a)
