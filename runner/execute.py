@@ -13,7 +13,7 @@ from runner.columns import FIGURES
 from runner.config import Experiment, Run
 from runner.errors import InputError
 from runner.result import Result
-from sim.simulate import EXACT, Flight, Simulation
+from sim.simulate import Flight, Simulation
 
 
 def prepare(run: Run) -> Simulation:
@@ -78,7 +78,7 @@ def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str,
     values = {
         "method": simulation.solver.method,
         "contact": simulation.solver.contact,
-        "step": None if simulation.solver.method == EXACT else simulation.solver.step,
+        "step": simulation.solver.step if simulation.solver.stepping else None,
         "balls": len(simulation.balls),
         "steps": flight.steps,
         "bounces": len(flight.bounces),

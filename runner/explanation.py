@@ -147,7 +147,8 @@ def _solver(solver) -> str:
         return "exact, in closed form from event to event, without a step"
     method = integrators.load(solver.method)[0]
     touch = ", events on its own interpolant of the same order" if solver.contact == "swept" else ""
-    return f"{solver.method} of order {method.order}, step {solver.step:g} s{touch}"
+    pace = f"steps to the tolerance {solver.tolerance:g}" if method.adaptive else f"step {solver.step:g} s"
+    return f"{solver.method} of order {method.order}, {pace}{touch}"
 
 
 def _count(n: int, what: str) -> str:

@@ -134,11 +134,12 @@ def show_methods() -> None:
     from sim import integrators
     from sim.solvers import exact
 
-    rows = [["exact", "exact", *("-" * 4), " ".join(exact.__doc__.split())]]
+    rows = [["exact", "exact", *("-" * 5), " ".join(exact.__doc__.split())]]
     for name in integrators.names():
         method, _, description = integrators.load(name)
         limit = f"{method.oscillator_limit:g}" if method.oscillator_limit else "none stable"
-        claims = [method.order, limit, f"{method.drag_limit:g}", method.evaluations, "yes" if method.symplectic else "no"]
+        claims = [method.order, limit, f"{method.drag_limit:g}", method.evaluations]
+        claims += ["yes" if claim else "no" for claim in (method.symplectic, method.reversible)]
         rows.append([name, *map(str, claims), f"{' '.join(description.split())} [{method.reference}]"])
-    headings = ["method", "order", "h omega limit", "h b limit", "evaluations/step", "symplectic", "what it is"]
+    headings = ["method", "order", "h omega limit", "h b limit", "evaluations/step", "symplectic", "reversible", "what it is"]
     print_rows("Methods", headings, rows)

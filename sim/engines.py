@@ -45,10 +45,10 @@ class Ends:
 class Original:
     """Blocks of balls side by side, a step at a time, with the original's contact rule."""
 
-    def __init__(self, method, dt, balls, duration, body, packed, features):
-        self.dt, self.balls, self.duration = dt, balls, duration
+    def __init__(self, solver, balls, duration, body, packed, features):
+        self.dt, self.balls, self.duration = float(solver.step), balls, duration
         self.given = body, packed, features
-        self.kernel = jit.bind(advance.advance, step=integrators.load(method)[1], SELECTIVE=len(packed.selective))
+        self.kernel = jit.bind(advance.advance, step=integrators.load(solver.method)[1], SELECTIVE=len(packed.selective))
 
     def parts(self) -> list:
         features = self.given[-1]
@@ -76,18 +76,20 @@ class Original:
 
 
 class Swept:
-    """Balls one by one from event to event: the exact solver, or a method with a fixed step."""
+    """Balls one by one from event to event: the exact solver, or a method with steps."""
 
-    def __init__(self, method, dt, balls, duration, body, packed, features):
+    def __init__(self, solver, balls, duration, body, packed, features):
         self.balls, self.duration = balls, duration
-        claims = integrators.load(method)[0] if method != "exact" else None
+        self.dt = float(solver.step) if solver.stepping else np.inf
+        claims = integrators.load(solver.method)[0] if solver.method != "exact" else None
         # a method of first order cannot tell a hop of a few steps from rest
-        blur = 4 * dt if claims and claims.order == 1 else 0.0
-        self.given = dt, blur, body, packed, features, search_room(len(features.faces) + len(features.edges)), hop_room()
-        self.kernel = jit.bind(travel.travel, **bindings(method, packed))
+        blur = 4 * self.dt if claims and claims.order == 1 else 0.0
+        search = search_room(len(features.faces) + len(features.edges))
+        self.given = float(solver.tolerance), blur, body, packed, features, search, hop_room()
+        self.kernel = jit.bind(travel.travel, **bindings(solver.method, packed))
 
     def parts(self) -> list:
-        states = state.depart_states(self.balls, self.duration)
+        states = state.depart_states(self.balls, self.duration, self.dt)
         return [(k, states[k : k + PART]) for k in range(0, len(states), PART)]
 
     def move(self, part, frame, record, log):
@@ -123,7 +125,7 @@ class Swept:
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
 CURVE = "flight", "point", "slope", "bend", "project", "start", "seen_from", "seen_along", "piece", "fall", "value", "dip"
 SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
-METHOD = "step", "interpolant"
+METHOD = "step", "embedded", "interpolant"
 
 
 def bindings(method: str, packed: forces.Forces) -> dict:
@@ -133,9 +135,10 @@ def bindings(method: str, packed: forces.Forces) -> dict:
         curve = "oscillation" if rows[:, [forces.W2, forces.B]].any() else "parabola"
         parts = [(f"solvers.{method}", SOLVER)]
     else:
-        curve = integrators.load(method)[0].curve
-        parts = [("solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
-    names = {"acceleration": motion.acceleration, "fall": majorant.fall, "piece": majorant.chord}
+        claims = integrators.load(method)[0]
+        curve = claims.curve
+        parts = [("solvers.adaptive" if claims.adaptive else "solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
+    names = {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
     for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
         found = vars(importlib.import_module(f"sim.{module}"))

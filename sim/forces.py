@@ -147,6 +147,16 @@ def acceleration(t, x, v, forces):
     return add_selective(affine(forces.steady, x, v), t, x, v, forces)
 
 
+def rates(t, x, forces):
+    """w2 (1/s^2) and b (1/s) at age t (s) and position x (m): by how much the acceleration falls with each metre and each m/s."""
+    s, w2, b = forces.selective, forces.steady[W2], forces.steady[B]
+    for f in range(SELECTIVE):
+        on = 1.0 if acts(f, t, x, forces) else 0.0
+        w2 += on * s[f, W2]
+        b += on * s[f, B]
+    return w2, b
+
+
 def driving(t, x, v, forces):
     """The part of the acceleration without a potential: its product with m v is the power that `work` adds up."""
     return add_selective(affine(forces.drive, x, v), t, x, v, forces)

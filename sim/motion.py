@@ -72,6 +72,11 @@ def acceleration(t, x, v, motion):
     return tangent(axpy(-motion.b, v, axpy(-motion.w2, x, motion.pull)), motion.contacts)
 
 
+def rates(t, x, motion):
+    """w2 (1/s^2) and b (1/s); takes the place of `sim.forces.rates`."""
+    return motion.w2, motion.b
+
+
 def next_end(age, forces):
     """The age (s) at which the next field ends."""
     soonest = np.inf

@@ -42,8 +42,18 @@ class Solver:
         for name, known in (("method", METHODS), ("contact", CONTACTS)):
             if getattr(self, name) not in known:
                 raise Invalid(name, f"'{getattr(self, name)}' is unknown; there are {', '.join(known)}")
-        if self.method == EXACT and self.contact != "swept":
-            raise Invalid("contact", "the method exact knows swept contact only")
+        if not self.stepping and self.contact != "swept":
+            raise Invalid("contact", f"the method {self.method} knows swept contact only")
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether the method goes by `tolerance`."""
+        return self.method != EXACT and integrators.load(self.method)[0].adaptive
+
+    @property
+    def stepping(self) -> bool:
+        """Whether the method goes by `step`."""
+        return self.method != EXACT and not self.adaptive
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,7 @@ class Simulation:
         packed = forces.pack(self.fields, scene.gravity, balls.mass)
         self.features, self.reductions = (like.features, like.reductions) if like else self._geometry()
         engine = engines.Swept if solver.contact == "swept" else engines.Original
-        self.engine = engine(solver.method, float(solver.step), balls, duration, body, packed, self.features)
+        self.engine = engine(solver, balls, duration, body, packed, self.features)
 
     def _geometry(self) -> tuple[Packed, list[reduction.Reduction]]:
         """What the balls can touch, and what was reduced. Raises Invalid when one starts inside a surface."""
@@ -145,8 +155,8 @@ class Simulation:
         return self._flight(status, kept, record, self.engine.ends(parts), happened)
 
     def _steps(self, time: np.ndarray) -> np.ndarray:
-        """The steps (frames,) of the method since time 0; the exact solver has none, and its frames count."""
-        return np.arange(len(time)) if self.solver.method == EXACT else np.rint(time / self.solver.step).astype(np.int64)
+        """The steps (frames,) of the method since time 0; where they are not of one length, the frames count."""
+        return np.rint(time / self.solver.step).astype(np.int64) if self.solver.stepping else np.arange(len(time))
 
     def _record(self, frames: int) -> log.Record:
         n = len(self.balls)

@@ -17,7 +17,8 @@ X, V, AGE, RELEASED, END, WORK, LOST, STEPS, CROSSED, FRAME = 0, 3, 6, 7, 8, 9, 
 COUNT, HELD, ITEMS, NORMALS = 14, 15, 16, 19  # contacts
 EVENTS, SINCE = 28, 29  # events since the age SINCE (s)
 LEFT = 30  # the face that the ball has just slid off
-WIDTH = 31
+STEP = 31  # s, to try next
+WIDTH = 32
 
 
 def work_done(curve, t, x, v, x1, v1, mover, mass):
@@ -74,11 +75,11 @@ def save_contacts(s, contacts):
             s[NORMALS + 3 * k + j] = contacts.normals[k][j]
 
 
-def depart_states(balls, duration):
-    """The states (n, WIDTH) of all balls at their release."""
+def depart_states(balls, duration, dt):
+    """The states (n, WIDTH) of all balls at their release, to go with steps dt (s)."""
     states = np.zeros((len(balls), WIDTH))
     states[:, X : X + 3], states[:, V : V + 3] = balls.position, balls.velocity
     states[:, RELEASED] = balls.released
     states[:, END] = np.minimum(balls.lifetime, duration - balls.released)
-    states[:, ITEMS : ITEMS + 3], states[:, LEFT] = NONE, NONE
+    states[:, ITEMS : ITEMS + 3], states[:, LEFT], states[:, STEP] = NONE, NONE, dt
     return states

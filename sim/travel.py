@@ -2,7 +2,7 @@
 
 A ball flies along one curve until the next event: it touches a surface, crosses the face of a region, a field ends for it,
 it slides off a face, or its flight ends. The exact solver's curve is the true one and lasts until the event. A method with
-a fixed step goes step by step on its own interpolant, and an event cuts the step. Nothing else tells the two apart.
+steps goes step by step on its own interpolant, and an event cuts the step. Nothing else tells the two apart.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ from sim.state import (
     LEFT,
     LOST,
     RELEASED,
+    STEP,
     STEPS,
     WORK,
     V,
@@ -81,7 +82,7 @@ HOPS = True  # bound to whether flights are such that balls may hop
 NOTHING, TOUCH, FACE, OFF = 0, 1, 2, 3
 
 
-def travel(states, first, dt, blur, body, forces, features, search, lanes, record, log, budget):
+def travel(states, first, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
     """Move balls, rows of `states` numbered from `first` on, through all frames of `record`: side by side while they only
     hop, else one after the other.
 
@@ -98,7 +99,7 @@ def travel(states, first, dt, blur, body, forces, features, search, lanes, recor
             if states[i, FRAME] >= len(record.time):
                 continue
             end, rows, budget = fly(
-                states, i, first + i, hopping, dt, blur, body, forces, features, search, record, log, rows, budget
+                states, i, first + i, hopping, tolerance, blur, body, forces, features, search, record, log, rows, budget
             )
             if end == READY:
                 ready += 1
@@ -108,7 +109,7 @@ def travel(states, first, dt, blur, body, forces, features, search, lanes, recor
             return DONE, len(states), rows
 
 
-def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, record, log, rows, budget):
+def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, search, record, log, rows, budget):
     """Move ball i through all frames; with `hopping` only until it may hop again, which is READY.
 
     Returns (how it ended, rows of the log filled, what is left of the budget).
@@ -122,7 +123,7 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
         frame += 1
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
-    how, clear, left = DONE, 0.0, int(s[LEFT])
+    how, clear, left, dt = DONE, 0.0, int(s[LEFT]), s[STEP]
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
             how = PAUSED
@@ -147,7 +148,9 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
         elif curved:
             curve, x1, v1 = flight(x, v, turn(features, x, v, mover), 0.0, 0.0), x, v
         else:
-            curve, x1, v1 = depart(h, age, x, v, mover)
+            curve, x1, v1, got, dt = depart(h, dt, tolerance, age, x, v, mover)
+            if got < h:
+                h, aim = got, age + got
 
         # the first event on it
         what, item, place, length, near = NOTHING, NONE, 0.0, h, 0
@@ -292,6 +295,6 @@ def fly(states, i, ball, hopping, dt, blur, body, forces, features, search, reco
         frame += 1
     for k in range(3):
         s[X + k], s[V + k] = x[k], v[k]
-    s[AGE], s[FRAME], s[LEFT] = age, frame, left
+    s[AGE], s[FRAME], s[LEFT], s[STEP] = age, frame, left, dt
     save_contacts(s, contacts)
     return how, rows, budget

@@ -17,9 +17,9 @@ def goal(age, limit, dt):
     return grid if grid < limit - slack else limit
 
 
-def depart(h, age, x, v, motion):
+def depart(h, dt, tolerance, age, x, v, motion):
     x1, v1 = step(h, age, x, v, motion)
-    return interpolant(h, age, x, v, x1, v1, motion), x1, v1
+    return interpolant(h, age, x, v, x1, v1, motion), x1, v1, h, dt
 
 
 def arrive(curve, s, h, x1, v1, age, x, v, motion):

@@ -71,8 +71,8 @@ def test_methods_are_listed_with_what_they_claim(carom):
 
     code, out, _ = carom("methods")
     assert code == 0 and all(name in out for name in integrators.names())
-    (exact,) = (line.split(maxsplit=6) for line in out.splitlines() if line.split()[:2] == ["exact", "exact"])
-    assert exact[1:6] == ["exact", "-", "-", "-", "-"] and exact[6].startswith("The exact solver: the true flight in closed form")
+    (exact,) = (line.split(maxsplit=7) for line in out.splitlines() if line.split()[:2] == ["exact", "exact"])
+    assert exact[1:7] == ["exact", *"-----"] and exact[7].startswith("The exact solver: the true flight in closed form")
 
 
 @pytest.mark.parametrize(

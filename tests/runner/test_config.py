@@ -91,6 +91,9 @@ SETTINGS = {
     "exact by the original's contact rule": (
         "explicit_euler", "exact", "8:37: solver.contact: ", "the method exact knows swept contact only",
     ),
+    "adaptive by the original's contact rule": (
+        "explicit_euler", "dopri5", "8:38: solver.contact: ", "the method dopri5 knows swept contact only",
+    ),
     "reference": (None, "reference: exat\n", "11:1: reference: ", "must be one of exact|did you mean 'exact'?"),
     "name of a surface": ("floor:", "../floor:", "4:5: scene.surfaces.../floor: ", "not a name"),
 }  # fmt: skip

@@ -193,6 +193,7 @@ def test_the_solver_and_the_runs(here):
     assert lines["balls"] == "1, released from 0 to 0 s, each living 3 s" and lines["x"] == "1 runs"
     original = told("{}", "step: 0.01 -> step: 0.01, contact: original")
     assert original["solver"] == "rk4_original of order 2, step 0.01 s; 2 s in 21 recorded frames"
+    assert told("{}", "rk4_original -> dopri5")["solver"].startswith("dopri5 of order 5, steps to the tolerance 1e-09, events on")
     lines = told("{}", "rk4_original -> exact\nduration: 2 -> reference: exact\\nmatrix: {balls.mass: [1, 2]}\\nduration: 2")
     assert lines["solver"] == "exact, in closed form from event to event, without a step; 2 s in 21 recorded frames"
     assert lines["reference"].startswith("solved exactly besides") and lines["x"] == "2 runs, varying balls.mass"

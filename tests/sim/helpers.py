@@ -64,9 +64,9 @@ AIR = Drag(coefficient=0.8)
 ELASTIC = {"restitution": 1.0, "damping": 0.0}
 
 
-def swept(scene, balls, method="exact", step=0.01, duration=1.0, every=None):
+def swept(scene, balls, method="exact", step=0.01, duration=1.0, every=None, tolerance=1e-9):
     """A flight with swept contact."""
-    return Simulation(scene, balls, Solver(method, step), duration, every or duration).run()
+    return Simulation(scene, balls, Solver(method, step, tolerance), duration, every or duration).run()
 
 
 def last(flight):

@@ -27,6 +27,12 @@ def acceleration(scene, mass):
     def a(t, x, v):
         return scene.gravity + sum((force(f, x, v) / mass for f in scene.forces.values() if acts(f, t, x)), np.zeros(3))
 
+    def rates(t, x):
+        fields = [f for f in scene.forces.values() if acts(f, t, x)]
+        stiffness = sum(f.stiffness for f in fields if isinstance(f, Spring))
+        return stiffness / mass, sum(f.coefficient for f in fields if isinstance(f, Drag)) / mass
+
+    a.rates = rates  # w2, b: what a loses with each metre and each m/s
     return a
 
 
@@ -56,7 +62,44 @@ def rk4_original(h, t, x, v, a):
     return x + (k1 + 2 * k2 + 2 * k3 + k4) / 6, v + h * (a1 + 2 * a2 + 2 * a3 + a4) / 6
 
 
-METHODS = {f.__name__: f for f in (explicit_euler, symplectic_euler, symplectic_euler_drift_first, rk4_original)}
+def implicit_euler(h, t, x, v, a):
+    w2, b = a.rates(t + h, x)
+    v = (v + h * a(t + h, x, 0 * v)) / (1 + h * b + h * h * w2)
+    return x + h * v, v
+
+
+def velocity_verlet(h, t, x, v, a):
+    x1 = x + h * v + h * h / 2 * a(t, x, v)
+    _, b = a.rates(t + h, x1)
+    return x1, (v + h / 2 * (a(t, x, v) + a(t + h, x1, 0 * v))) / (1 + h / 2 * b)
+
+
+def rk4(h, t, x, v, a):
+    def f(c, k):
+        return np.array([(v + c * h * k[1]), a(t + c * h, x + c * h * k[0], v + c * h * k[1])])
+
+    k1 = f(0, np.zeros((2, 3)))
+    k2 = f(1 / 2, k1)
+    k3 = f(1 / 2, k2)
+    k4 = f(1, k3)
+    return np.array([x, v]) + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def pefrl(h, t, x, v, a):
+    xi, lam, chi = 0.1786178958448091, -0.2123418310626054, -0.06626458266981849
+    drifts = [xi, chi, 1 - 2 * (chi + xi), chi, xi]
+    kicks = [(1 - 2 * lam) / 2, lam, lam, (1 - 2 * lam) / 2, 0.0]
+    for drift, kick in zip(drifts, kicks):
+        t, x = t + drift * h, x + drift * h * v
+        _, b = a.rates(t, x)
+        z = b * kick * h
+        # the diagonal Pade approximant (2, 2) of exp(-z), and what it leaves of the push
+        v = ((1 - z / 2 + z * z / 12) * v + kick * h * a(t, x, 0 * v)) / (1 + z / 2 + z * z / 12)
+    return x, v
+
+
+METHODS = (explicit_euler, symplectic_euler, symplectic_euler_drift_first, rk4_original)
+METHODS = {f.__name__: f for f in (*METHODS, implicit_euler, velocity_verlet, rk4, pefrl)}
 
 
 class Walls:

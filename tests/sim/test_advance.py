@@ -13,7 +13,7 @@ from tests.sim.helpers import AIR, CORRIDOR, FREE, LIFT, WELL, balls, fly, rando
 SMOOTH = Scene(forces={"well": WELL, "air": AIR})
 
 
-@pytest.mark.parametrize("method", integrators.names())
+@pytest.mark.parametrize("method", integrators.fixed())
 def test_frames_do_not_change_a_flight(method):
     """A frame inside a step is looked at and thrown away. All times here are sums of powers of 2, so nothing rounds."""
     start = random_balls(4, 5, released=[0, 1 / 128, 1 / 64, 3 / 256, 3 / 8])
@@ -24,7 +24,7 @@ def test_frames_do_not_change_a_flight(method):
     assert fine.steps == coarse.steps
 
 
-@pytest.mark.parametrize("method", integrators.names())
+@pytest.mark.parametrize("method", integrators.fixed())
 def test_release_time_only_shifts_a_flight(method):
     """Everything, an `until` too, goes by the ball's own age."""
     scene = Scene(forces={"corridor": CORRIDOR, "lift": LIFT})

@@ -61,7 +61,7 @@ def test_counts_are_sums_over_balls():
 
 
 @pytest.mark.parametrize("fields", [{}, FIELDS], ids=["free", "fields"])
-@pytest.mark.parametrize("method", integrators.names())
+@pytest.mark.parametrize("method", integrators.fixed())
 def test_compiled_is_what_the_plain_functions_compute(monkeypatch, method, fields):
     """Bit for bit: no fused or reordered arithmetic."""
     scene, balls = room(many=False, forces=fields), random_balls(2, 12, speed=20.0, released=0.0173 * np.arange(12))

@@ -27,7 +27,7 @@ from tests.sim.helpers import FREE, soup
 RADIUS, EPS = 0.06, np.finfo(float).eps
 DIGITS = MPContext()
 DIGITS.dps = 120  # the formula for q cancels up to 60
-KINDS = "parabola", "oscillation", "cubic"
+KINDS = "parabola", "oscillation", "cubic", "quintic"
 
 
 @cache
@@ -51,7 +51,7 @@ class Case(NamedTuple):
         if self.kind == "oscillation":
             return oracle.touches_swinging(self.curve, self.packed, RADIUS, self.end)
         x, v, *rest = self.curve
-        rest = rest if self.kind == "cubic" else [tuple(0.5 * c for c in rest[0])]
+        rest = [tuple(0.5 * c for c in rest[0])] if self.kind == "parabola" else rest
         return oracle.touches([x, v, *rest], self.packed, RADIUS, self.end)
 
 
@@ -117,17 +117,20 @@ def curve_to(rng, kind, x, v, a, t):
         # the flow backwards: 0 = y0 (1 - w2 q) + v0 p + c q and v = -w2 p y0 + dp v0 + c p
         y0, v0 = np.linalg.solve([[1 - w2 * q, p], [-w2 * p, dp]], [-c * q, v - c * p])
         return tuple(map(tuple, ((x + y0).tolist(), v0.tolist(), (c - w2 * y0).tolist()))) + (b, w2)
-    d = 0.3 * np.linalg.norm(v) / t**2 * rng.normal(size=3) if kind == "cubic" else np.zeros(3)
-    c = 0.5 * a - 3 * t * d
-    v0 = v - t * (2 * c + 3 * t * d)
-    x0 = x - t * (v0 + t * (c + t * d))
-    rows = (x0, v0, 2 * c) if kind == "parabola" else (x0, v0, c, d)
+    n = {"parabola": 0, "cubic": 1, "quintic": 3}[kind]  # coefficients from the third power on
+    more = [0.3 * np.linalg.norm(v) / t ** (2 + k) * rng.normal(size=3) for k in range(n)]
+    c = 0.5 * a - sum((3 + k) * (2 + k) / 2 * t ** (1 + k) * d for k, d in enumerate(more))
+    v0 = v - 2 * t * c - sum((3 + k) * t ** (2 + k) * d for k, d in enumerate(more))
+    x0 = x - t * v0 - t**2 * c - sum(t ** (3 + k) * d for k, d in enumerate(more))
+    rows = (x0, v0, 2 * c) if kind == "parabola" else (x0, v0, c, *more)
     return tuple(tuple(row.tolist()) for row in rows)
 
 
 def others(rng, kind):
     """What a curve of this kind has besides position, velocity and acceleration."""
-    return {"parabola": (), "oscillation": (rng.uniform(0, 2), rng.uniform(0, 9)), "cubic": (tuple(rng.normal(size=3)),)}[kind]
+    if kind == "oscillation":
+        return rng.uniform(0, 2), rng.uniform(0, 9)
+    return tuple(tuple(rng.normal(size=3)) for _ in range({"parabola": 0, "cubic": 1, "quintic": 3}[kind]))
 
 
 def spot(rng, packed, edge=None, share=None):
