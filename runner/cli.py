@@ -118,16 +118,15 @@ def summary(
 
 @app.command("chart")
 def chart_(folder: Folder) -> None:
-    """Draw the charts again from the table."""
-    from runner import aggregate, chart, machine
+    """Draw the charts again from the table, and write the report."""
+    from runner import aggregate, sweeping
     from runner.plan import existing
 
     experiment = existing(folder)
     if not experiment.charts:
         raise InputError(f"{folder}: the experiment has no charts: section")
     try:
-        table = aggregate.read(folder)
-        for path in chart.render(list(experiment.charts), table, folder, machine.footer()):
+        for path in sweeping.draw(folder, experiment, experiment.runs(), aggregate.read(folder)):
             print(path)
     except FileNotFoundError:
         raise InputError(f"{folder}: no summary yet; `carom sweep` makes it") from None

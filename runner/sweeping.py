@@ -8,8 +8,8 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner import aggregate, chart, machine, pool, reference, store, worker
-from runner.config import Run, load
+from runner import aggregate, chart, machine, pool, reference, report, store, worker
+from runner.config import Experiment, Run, load
 from runner.errors import InputError, RunError
 from runner.plan import Plan, plan
 from runner.result import FAILURES
@@ -120,24 +120,29 @@ def kernel_key(run: Run) -> tuple:
 
 
 def finish(work: Plan) -> pyarrow.Table:
-    """Write the summary of all runs in the folder and draw the charts; the summary."""
+    """Write the summary of all runs in the folder, the charts and the report; the summary."""
     table = aggregate.summarise(work.folder, work.experiment.columns)
-    if work.experiment.charts:
-        try:
-            chart.render(list(work.experiment.charts), table, work.folder, machine.footer())
-        except ValueError as error:
-            raise RunError(f"{work.folder}: {error}") from None
+    try:
+        draw(work.folder, work.experiment, work.runs, table)
+    except ValueError as error:
+        raise RunError(f"{work.folder}: {error}") from None
     return table
 
 
+def draw(folder: Path, experiment: Experiment, runs: Sequence[Run], table: pyarrow.Table) -> list[Path]:
+    """Draw the charts and write the report; the files. Raises ValueError for a chart that cannot be drawn."""
+    charts = chart.render(list(experiment.charts), table, folder, machine.footer()) if experiment.charts else []
+    return [*charts, report.write(folder, experiment, runs, table, charts)]
+
+
 def is_finished(work: Plan) -> bool:
-    """Whether the folder holds all of the plan already, summary and charts drawn from the same file."""
+    """Whether the folder holds all of the plan already, summary, charts and report made from the same file."""
     try:
         same = (work.folder / store.EXPERIMENT).read_text(encoding="utf-8") == work.experiment.document.text()
         charts = len(os.listdir(work.folder / chart.FOLDER)) if work.experiment.charts else 0
     except (FileNotFoundError, NotADirectoryError):
         return False
-    summaries = [work.folder / f"{store.SUMMARY}.{suffix}" for suffix in ("parquet", "csv")]
+    summaries = [work.folder / name for name in (f"{store.SUMMARY}.parquet", f"{store.SUMMARY}.csv", report.FILE)]
     # written last: a sweep that was stopped before has older ones, or none
     made = (work.folder / store.RUNS).stat().st_mtime
     fresh = all(path.exists() and path.stat().st_mtime >= made for path in summaries)

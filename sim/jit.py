@@ -66,7 +66,17 @@ def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
     bindings = ", ".join(f"{name}={_label(value)}" for name, value in names)
     rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
     # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do.
-    return numba().njit(cache=True, error_model="numpy", _nrt=False, forceinline=_melts(function))(rebuilt)
+    kernel = numba().njit(cache=True, error_model="numpy", _nrt=False, forceinline=_melts(function))(rebuilt)
+    return _widened(kernel)
+
+
+def _widened(kernel: Any) -> Any:
+    """The kernel, compiled once for all integers: numba compiles it anew for a 0 and a 1 written in a call, to no gain."""
+    from numba.core.types import unliteral
+
+    template = kernel.get_call_template
+    kernel.get_call_template = lambda args, kws: template(tuple(unliteral(a) for a in args), kws)
+    return kernel
 
 
 def _used(function: Callable, names: tuple) -> tuple:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Column = Annotated[str, "a column of the summary"]
 
 WHOLE = ("finished", "rested")  # runs that went on to their end: only their figures compare
-MOST = 28  # lines or panels a reader can still tell apart: 7 colours x 4 dashes
+MOST = 32  # lines or panels a reader can still tell apart: 8 colours x 4 dashes
 
 
 def column(table: pyarrow.Table, option: str, name: str) -> list[Any]:

@@ -1,5 +1,6 @@
 """Charts against the tables and trajectories they are drawn from."""
 
+import dataclasses
 import itertools
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from matplotlib.collections import LineCollection, PolyCollection
 from runner import chart
 from runner.chart._axes import scale
 from runner.chart._names import SUMMARY, label, number_text
+from runner.chart.work_precision import Point, front, slope
 from runner.columns import COLUMNS
+from sim import integrators
 
 METHODS = ["explicit_euler", "symplectic_euler", "rk4_original"]
 MASSES = [0.1, 1.0, 10.0, 100.0]
@@ -377,3 +380,176 @@ def test_a_name_cannot_leave_the_folder_or_break_the_text(tmp_path):
     written = chart.render([{"kind": "lines", "x": odd, "y": "bounces"}], table(runs), tmp_path, "$5 & <b>")
     assert {path.parent for path in written} == {tmp_path / "charts"}
     assert "$a$ {b} magnitude (N)</text>" in written[1].read_text()
+
+
+STEPS = [1e-1, 5e-2, 2e-2, 1e-2, 5e-3, 2e-3, 1e-3]
+ORDERS = {"explicit_euler": 1, "rk4_original": 2, "rk4": 4}
+
+
+def work(contacts=("swept",)):
+    """Errors of exactly each method's order, down to rounding, that grow no further at coarse steps; with exact."""
+    runs = [
+        {
+            "run_id": f"{method}-{step:g}-{contact}",
+            "status": "finished",
+            METHOD: method,
+            "contact": contact,
+            "step": step,
+            "position_error_rms": max(min(0.3, 10 * step**order), 1e-12) if contact == "swept" else step**0.5,
+            "ns_per_ball_second": order * 100 / step,
+        }
+        for (method, order), contact, step in itertools.product(ORDERS.items(), contacts, STEPS)
+    ]
+    exact = {METHOD: "exact", "contact": "swept", "step": None, "position_error_rms": 0.0, "ns_per_ball_second": 5e4}
+    return [{"run_id": "exact", "status": "finished", **exact}, *runs]
+
+
+def legend(figure):
+    return [text.get_text() for each in figure.legends for text in each.get_texts()]
+
+
+def test_work_precision_runs_through_the_steps_and_tells_the_order():
+    figure = drawn(runs=work()[::-1], kind="work_precision")
+    runs = [run for run in work() if run[METHOD] == "explicit_euler"]
+    expected = [[run["position_error_rms"] for run in runs], [run["ns_per_ball_second"] for run in runs]]
+    assert expected in lines(figure.axes[0]), "from the coarsest step to the finest"
+    assert figure.axes[0].get_xscale() == figure.axes[0].get_yscale() == "log"
+    assert legend(figure) == ["rk4 order 4.0", "rk4_original order 2.0", "explicit_euler order 1.0", "exact", "Pareto front"]
+
+
+def test_a_slope_leaves_out_coarse_steps_and_rounding():
+    points = [Point(step, min(0.1, 50 * step**2), 1 / step) for step in STEPS]
+    assert slope(points) == ("order", pytest.approx(2))
+    assert slope([*points, Point(1e-6, 1e-12, 1e6)]) == ("order", pytest.approx(2))
+    assert slope(points[-2:]) is None
+    assert slope([Point(step, 1e-12, 1 / step) for step in STEPS]) is None
+
+
+def test_the_slope_of_methods_that_choose_their_steps_is_that_of_cost():
+    assert slope([Point(None, error, error**-0.2) for error in (1e-2, 1e-4, 1e-6, 1e-8)]) == ("cost slope", pytest.approx(-0.2))
+
+
+def test_the_front_is_what_nothing_beats_in_both():
+    assert front([(3, 1), (1, 3), (2, 2), (2, 4), (3, 2), (1, 5)]) == [(1, 3), (2, 2), (3, 1)]
+    assert front([(0, 1), (1, 1), (2, 3)]) == [(0, 1)], "an exact solution that costs less than all ends it"
+
+
+def test_a_run_without_error_stands_at_the_left_edge_with_its_name():
+    axes = drawn(runs=work(), kind="work_precision").axes[0]
+    (star,) = (line for line in axes.get_lines() if line.get_marker() == "*")
+    assert star.get_xydata().tolist() == [[axes.get_xlim()[0], 5e4]]
+    assert axes.get_xlim()[0] < min(run["position_error_rms"] for run in work()[1:])
+    assert [text.get_text() for text in axes.texts] == ["exact"]
+
+
+def test_contact_rules_are_told_apart_where_both_occur():
+    figure = drawn(runs=work(("swept", "original")), kind="work_precision")
+    assert "rk4_original order 2.0, dashed 0.5" in legend(figure)
+    assert "original contact" in legend(figure)
+    dashed = [line for line in figure.axes[0].get_lines() if line.is_dashed()]
+    assert len(dashed) == len(ORDERS)
+    assert not any(line.is_dashed() for line in drawn(runs=work(("original",)), kind="work_precision").axes[0].get_lines())
+
+
+def test_work_precision_takes_medians_and_splits_into_panels():
+    runs = [
+        {**run, "scene": scene, "position_error_rms": run["position_error_rms"] * factor * size, MASS: factor}
+        for run in work()
+        for (scene, size), factor in itertools.product({"box": 1, "baffles": 5}.items(), (1.0, 2.0, 7.0))
+    ]
+    figure = drawn(runs=runs, kind="work_precision", panel="scene")
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["box", "baffles"]
+    assert "median of 3 runs each (ball mass varies)" in words(figure)
+    ends = [{line[0][-1] for line in lines(axes) if len(line[0]) == len(STEPS)} for axes in figure.axes]
+    assert [max(found) for found in ends] == [2 * 0.01, 5 * 2 * 0.01], "twice the error of the finest step"
+
+
+def test_work_precision_without_a_reference_says_so():
+    figure = drawn(runs=[{**run, "position_error_rms": None} for run in work()], kind="work_precision")
+    assert "22 runs without RMS position error not shown" in words(figure)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["nothing to show"]
+
+
+STIFFNESS, DRAG = "scene.forces.well.stiffness", "scene.forces.air.coefficient"
+RATES = [1.0, 2.0, 5.0, 10.0, 20.0]
+
+
+def oscillators(key=STIFFNESS, limit=2.0, mass=4.0):
+    """Runs on a grid that keep their energy up to `limit` of the step times the rate, then grow twentyfold, then diverge."""
+    runs = []
+    for step, rate in itertools.product([0.05, 0.1, 0.2, 0.5, 1.0], RATES):
+        product = step * rate
+        runs.append(
+            {
+                "status": "diverged" if product > 2 * limit else "finished",
+                METHOD: "symplectic_euler",
+                "method": "symplectic_euler",
+                "solver.step": step,
+                key: mass * (rate**2 if key == STIFFNESS else rate),
+                "balls.mass": mass,
+                "energy_initial": 2.0,
+                "energy_final": 40.0 if product > limit else 2.0,
+            }
+        )
+    return runs
+
+
+def unstable(axes):
+    """For each cell whether it is shown as unstable; rows are strengths."""
+    (mesh,) = (each for each in axes.collections if each.get_array() is not None)
+    return mesh.get_array().reshape(len(RATES), -1) >= 2
+
+
+@pytest.mark.parametrize("key", [STIFFNESS, DRAG])
+def test_the_measured_border_lies_along_theory_s_line(key):
+    axes = drawn(runs=oscillators(key), kind="stability", x="solver.step", y=key).axes[0]
+    (line,) = axes.get_lines()
+    for step, strength in line.get_xydata():
+        rate = (strength / 4) ** 0.5 if key == STIFFNESS else strength / 4
+        assert step * rate == pytest.approx(2.0)
+    expected = [[step * rate > 2 for step in [0.05, 0.1, 0.2, 0.5, 1.0]] for rate in RATES]
+    assert unstable(axes).tolist() == expected
+    assert "by theory stable up to" in axes.texts[0].get_text()
+
+
+@pytest.mark.parametrize(
+    "change, shown",
+    [
+        ({"status": "diverged", "energy_final": 2.0}, 3),
+        ({"energy_final": 20.1}, 2),
+        ({"energy_final": 19.9}, 1),
+        ({"energy_final": 0.19}, 0),
+        ({"energy_final": -1e-18}, 0),
+    ],
+)
+def test_a_cell_tells_what_became_of_the_energy(change, shown):
+    run = {**oscillators()[0], **change}
+    axes = drawn(runs=[run], kind="stability", x="solver.step", y=STIFFNESS).axes[0]
+    assert axes.collections[0].get_array().ravel().tolist() == [shown]
+
+
+def test_the_worst_run_of_a_cell_counts_and_others_are_told():
+    good = oscillators()[0]
+    runs = [{**good, "balls.radius": 1.0}, {**good, "status": "diverged", "balls.radius": 2.0}]
+    runs += [{**good, "status": "failed"}, {**good, STIFFNESS: 0.0}, {**good, "energy_initial": None}]
+    figure = drawn(runs=runs, kind="stability", x="solver.step", y=STIFFNESS)
+    assert figure.axes[0].collections[0].get_array().ravel().tolist() == [3]
+    for told in ("worst of its runs (ball radius)", "1 failed run", "without well stiffness", "without initial energy"):
+        assert told in words(figure)
+
+
+def test_methods_without_a_limit_say_so_and_draw_none(monkeypatch):
+    method = integrators.load("explicit_euler")[0]
+    runs = oscillators()
+    for claim, told in ((0.0, "by theory unstable at any step"), (np.inf, "by theory stable at any step")):
+        claims = dataclasses.replace(method, oscillator_limit=claim)
+        monkeypatch.setattr(integrators, "load", lambda name, claims=claims: (claims, None, ""))
+        axes = drawn(runs=runs, kind="stability", x="solver.step", y=STIFFNESS).axes[0]
+        assert [text.get_text() for text in axes.texts] == [told]
+        assert not axes.get_lines()
+
+
+def test_a_stability_chart_needs_a_spring_or_drag():
+    with pytest.raises(ValueError, match="^y: 'balls.mass' is neither"):
+        chart.parse({"kind": "stability", "x": "solver.step", "y": "balls.mass"})
+    assert chart.columns(chart.parse({"kind": "stability", "x": "solver.step", "y": STIFFNESS}))["mass"] == "balls.mass"

@@ -66,7 +66,7 @@ def test_the_folder_holds_what_the_readme_says_and_nothing_else(swept):
     folder = swept / "outputs" / "tiny"
     ids = {run.run_id for run in plan.existing(folder).runs()}
     assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == {
-        "experiment.yaml", "provenance.json", "summary.parquet", "summary.csv",
+        "experiment.yaml", "provenance.json", "summary.parquet", "summary.csv", "report.html",
         f"charts/{CHART}.png", f"charts/{CHART}.svg",
         *(f"runs/{run_id}/{name}" for run_id in ids for name in RUN_FILES),
     }  # fmt: skip
@@ -157,7 +157,7 @@ def test_a_missing_run_is_made_again_and_only_that(again, carom, inline):
     ]
 
 
-@pytest.mark.parametrize("lost", ["summary.csv", "summary.parquet", "charts", f"charts/{CHART}.svg"])
+@pytest.mark.parametrize("lost", ["summary.csv", "summary.parquet", "report.html", "charts", f"charts/{CHART}.svg"])
 def test_a_missing_summary_or_chart_is_made_again_without_a_run(again, carom, lost):
     folder = again / "outputs" / "tiny"
     path = folder / lost
@@ -379,7 +379,7 @@ def test_charts_are_drawn_again_from_the_table(again, carom):
     drawn = {path.name: path.read_bytes() for path in charts.iterdir()}
     shutil.rmtree(charts)
     code, out, _ = carom("chart", "outputs/tiny")
-    assert code == 0 and sorted(out.split()) == [f"outputs/tiny/charts/{name}" for name in sorted(drawn)]
+    assert code == 0 and out.split() == [*(f"outputs/tiny/charts/{name}" for name in sorted(drawn)), "outputs/tiny/report.html"]
     assert {path.name: path.read_bytes() for path in charts.iterdir()} == drawn
 
 
