@@ -55,6 +55,8 @@ def _surfaces(scene: Scene, found: Features, reductions: list[Reduction], swept:
         told = [f"{kind}, {_count(reduction.triangles, 'triangle')} -> {', '.join(kept)}", _sides(reduction, shape.two_sided)]
         if dropped := ", ".join(_dropped(reduction, swept)):
             told.append(f"dropped: {dropped}")
+        if swept and reduction.room:
+            told.append("part of one convex room with all balls inside: its faces need no outlines")
         pairs = crossing.crossings(*shape.mesh())
         if pairs is None:
             told.append(f"whether its triangles pass through each other is not looked for, being more than {crossing.MOST:,}")

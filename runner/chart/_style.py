@@ -38,8 +38,9 @@ STYLE = {
     "svg.hashsalt": "carom",  # the same chart gives the same bytes
 }
 
-#: Okabe and Ito's colours for all kinds of colour vision; instead of their yellow, too light for a line on white, Tol's wine.
-COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555", "#882255"]
+#: Okabe and Ito's colours for all kinds of colour vision; instead of their yellow, too light for a line on white, Tol's wine
+#: and olive.
+COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555", "#882255", "#999933"]
 DASHES = ["-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.2, 1.2, 1.2))]
 MARKERS = "osD^vPX<h"
 DARK, LIGHT = 0.0, 0.85  # the part of viridis that shows on white

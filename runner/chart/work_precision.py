@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EXACT = "exact"
-ROUNDING = 1e-10  # below, an error is of rounding, not of the method
+ROUNDING = 1e-12  # below, an error is of rounding, not of the method
 FEWEST = 3  # points to fit a line to
 FRONT = {"color": "#d4d4d4", "linewidth": 5, "solid_capstyle": "butt", "solid_joinstyle": "miter"}
 DASHED = {"linestyle": (0, (3, 1.5)), "markerfacecolor": "white"}
@@ -39,7 +39,7 @@ class Chart:
     """Error `x` against cost `y`, both logarithmic: a line through the steps of each of `series`, small multiples by `panel`.
 
     With each name stands its order, the slope of log error against log step; or, where a method chooses its steps, the slope
-    of log cost against log error. Either is a least squares fit to the finer half of the points whose error is above 1e-10,
+    of log cost against log error. Either is a least squares fit to the finer half of the points whose error is above 1e-12,
     where rounding takes over: three or more, else none is told. At coarse steps errors grow no further.
     A run without any error, as of the method exact, stands at the left edge. The front joins the points that no other beats
     in error and cost. Where both contact rules occur the original's lines are dashed. Runs alike in all that: the median.

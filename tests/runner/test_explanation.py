@@ -50,7 +50,8 @@ TETRAHEDRON = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
         (
             "box, center: [0, 0, 0], size: [2, 2, 2], inside: true}",
             "box, 12 triangles -> 6 faces, 0 edges, 0 corners; closed, solid behind; dropped: 6 edges inside flat faces, "
-            "12 edges sticking out only to where no ball can be",
+            "12 edges sticking out only to where no ball can be; part of one convex room with all balls inside: its faces "
+            "need no outlines",
         ),
         (
             'heightfield, size: [1, 1], cells: [2, 1], height: "-9*x*x"}',

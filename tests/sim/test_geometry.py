@@ -508,6 +508,34 @@ def test_reduction_changes_no_distance(shape, spread):
         assert min(near) == pytest.approx(distance, rel=0, abs=1e-13)
 
 
+LID = Rectangle((0, 1, 0), (0, 1, 0), (2, 2))
+OTHER = Box((5, 0, 0), (2, 2, 2), inside=True)
+
+
+@pytest.mark.parametrize(
+    "shapes, x, room",
+    [
+        ([ROOM], [(0, 0, 0), (0.99, 0.99, 0.99)], True),
+        ([moved(ROOM, (1, 2, 3))], [(1, 2, 3)], True),
+        ([ROOM, Plane((0, -3, 0))], [(0, 0, 0)], True),  # a floor that nothing reaches
+        ([ROOM, Plane((0, 0, 0))], [(0, 0.5, 0)], False),  # half the room is behind it
+        ([ROOM], [(0, 0, 0), (3, 0, 0)], False),
+        ([ROOM], [], False),
+        ([ROOM, OTHER], [(0, 0, 0)], False),
+        ([ROOM, Box((0, 0, 0), (0.5, 0.5, 0.5))], [(0.5, 0.5, 0.5)], False),
+        ([ROOM, LID], [(0, 0, 0)], False),
+        ([CUBE], [(0, 3, 0)], False),
+        ([Plane((0, 0, 0)), Plane((1, 0, 0), (-1, 0, 0))], [(0, 1, 0)], True),
+    ],
+)
+def test_only_a_convex_room_needs_no_outlines(shapes, x, room):
+    found, counts = features(shapes, np.reshape(x, (-1, 3)))
+    assert all(count.room == room for count in counts)
+    assert (len(found.faces.outline) == 0) == room and found.faces.first[-1] == len(found.faces.outline)
+    kept, _ = features(shapes, np.reshape(x, (-1, 3)), reduce=False)
+    assert room <= (len(kept.faces.outline) > 0 or all(shape.unbounded for shape in shapes))
+
+
 def test_unbounded_planes_come_first_and_stay_out_of_the_tree():
     shapes = [HILLS, Plane(point=(0, -2, 0)), CUBE, Plane(normal=(1, 0, 0))]
     found, counts = features(shapes, NOBODY)

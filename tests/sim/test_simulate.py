@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim import engines, lanes, simulate
+from sim import engines, lanes, log
 from sim.forces import Spring
 from sim.model import Invalid
 from sim.shapes import Box, Plane
@@ -152,8 +152,9 @@ def test_blocks_are_not_seen(monkeypatch):
     scene, start = room(many=False), random_balls(3, 130, speed=20.0, released=0.0017 * np.arange(130))
     whole = fly(scene, start, step=0.01, duration=1.0, every=0.25)
     assert len(whole.bounces) > 10 * lanes.LANES
-    for size, budget in ((2 * lanes.LANES, 4096), (4096, 1), (2 * lanes.LANES, 7)):
-        monkeypatch.setattr(simulate, "ROOM", size)
+    for size, budget in ((3 * lanes.LANES, 4096), (log.ROOM, 1), (3 * lanes.LANES, 7)):
+        monkeypatch.setattr(log, "ROOM", size)
+        monkeypatch.setattr(log, "LEAST", 2 * lanes.LANES)
         monkeypatch.setattr(engines, "BUDGET", budget)
         flight = fly(scene, start, step=0.01, duration=1.0, every=0.25)
         assert np.array_equal(flight.bounces, whole.bounces)
