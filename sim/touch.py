@@ -69,13 +69,40 @@ def earliest(curve, features, search, first, last, radius, begin, end, item, bes
         i, since = search.found[c], begin + search.times[c]
         if i < n or since > best or (contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts)):
             continue
-        s = beside(curve, faces, edges, features.outline, i, radius, best, contacts) if contacts.count > 0 else -1.0
+        s, till = -1.0, min(best, min(begin + search.until[c], end))
+        if contacts.count > 0:
+            s = beside(curve, faces, edges, features.outline, i, radius, best, contacts)
+        elif passes_by(curve, edges, i - n, radius, since, till):
+            continue
         if s < 0.0:
-            s = touch_edge(curve, edges, i - n, radius, since, min(best, min(begin + search.until[c], end)))
+            s = touch_edge(curve, edges, i - n, radius, since, till)
         soonest = rank(best, item, n)
         if rank(s, i, n) < soonest or (rank(s, i, n) == soonest and (item == NONE or i < item)):
             item, best = i, s
     return item, best
+
+
+def passes_by(curve, edges, e, radius, begin, end):
+    """Whether it is plain that the ball does not touch edge e from `begin` to `end` (s): the curve's chord is too far away."""
+    x, time = point(curve, begin), end - begin
+    reach = radius * (1.0 + SLACK) + 0.125 * bend(curve, begin, end) * time * time
+    return distance_squared(edges, e, x, sub(point(curve, end), x)) > reach * reach
+
+
+def distance_squared(edges, e, x, chord):
+    """The square of the distance (m^2) between edge e and the segment x + t chord, 0 <= t <= 1 (Ericson 2005, section 5.1.9)."""
+    axis, length = vector(edges, e, ALONG), edges[e, LENGTH]
+    off = sub(x, vector(edges, e, START))
+    a, b, c, f = dot(chord, chord), dot(chord, axis), dot(chord, off), dot(axis, off)
+    t, slant = 0.0, a - b * b
+    if slant > 1e-12 * a:
+        t = min(max((b * f - c) / slant, 0.0), 1.0)
+    u = b * t + f
+    if u < 0.0 or u > length:
+        u = min(max(u, 0.0), length)
+        t = min(max((b * u - c) / a, 0.0), 1.0) if a > 0.0 else 0.0
+    gap = axpy(-u, axis, axpy(t, chord, off))
+    return dot(gap, gap)
 
 
 def earliest_face(curve, features, search, first, last, radius, begin, item, best, contacts, left):

@@ -103,7 +103,8 @@ def test_balls_inside_a_mesh(here):
     line = told(off("m.off", around, TETRAHEDRON))["surface it"]
     assert line == (
         "mesh, 4 triangles -> 4 faces, 0 edges, 0 corners; closed, balls inside; "
-        "dropped: 6 edges sticking out only to where no ball can be"
+        "dropped: 6 edges sticking out only to where no ball can be; "
+        "part of one convex room with all balls inside: its faces need no outlines"
     )
 
 
