@@ -198,6 +198,30 @@ def bench(
 
 
 @app.command()
+def tune(
+    file: File,
+    error: Annotated[float, typer.Option(metavar="E", help="To stay below, in position: m, RMS over the balls at the end.")],
+    set_: Overrides = None,
+    budget: Annotated[float, typer.Option(metavar="S", help="Seconds that a trial may take.")] = 10.0,
+    trials: Annotated[bool, typer.Option("--trials", help="List every setting that was tried.")] = False,
+) -> None:
+    """Find the cheapest method and step whose error stays below E on this scene, by trial; exit 1 if none does."""
+    from runner import advice, tables, terminal
+    from runner import tune as tuning
+
+    experiment = _load(file, set_, "the matrix is not tuned")
+    if experiment.matrix.keys:
+        print(f"the matrix is left out: {file} is tuned with its own values", file=sys.stderr)
+    with terminal.doing() as told:
+        found = tuning.tune(experiment, error, budget, told=told)
+    tables.print_rows(f"{experiment.name}: errors below {error:g} m", advice.HEADINGS, advice.table(found, trials))
+    for line in advice.lines(found):
+        print(line)
+    if not found.best:
+        raise typer.Exit(1)
+
+
+@app.command()
 def methods() -> None:
     """Every method: order, stability limits, evaluations per step, reference."""
     from runner import tables
@@ -224,8 +248,8 @@ def schema() -> None:
     print(json.dumps(File.model_json_schema(), indent=2))
 
 
-def _load(file: Path, overrides: list[str] | None):
-    """The experiment in the file, with the settings of `-s`."""
+def _load(file: Path, overrides: list[str] | None, single: str = ""):
+    """The experiment in the file, with the settings of `-s`; `single` is why they may have one value only."""
     from runner import config, document
 
     loaded = document.Document(file)
@@ -233,7 +257,10 @@ def _load(file: Path, overrides: list[str] | None):
         key, equals, value = text.partition("=")
         if not equals or not key:
             raise InputError(f"-s {text}: write it as key=value")
-        config.vary(loaded, key, document.read_values(value, f"-s {text}"))
+        values = document.read_values(value, f"-s {text}")
+        if single and len(values) > 1:
+            raise InputError(f"-s {text}: takes one value here: {single}")
+        config.vary(loaded, key, values)
     return config.check(loaded)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 
 from runner.result import FAILURES
 from runner.sweeping import Progress
@@ -18,6 +19,18 @@ def progress(quiet: bool):
     if quiet:
         return nullcontext(Progress())
     return Bar() if sys.stderr.isatty() else Lines()
+
+
+@contextmanager
+def doing() -> Iterator[Callable[[str], None]]:
+    """Yields what to tell each thing that is begun: on a terminal a line that changes, in a log one for each."""
+    if not sys.stderr.isatty():
+        yield lambda what: print(f"{what} ...", file=sys.stderr, flush=True)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as status:
+        yield lambda what: status.update(f"{what} (a kernel is compiled at its first use)")
 
 
 def tally(statuses: Counter) -> str:

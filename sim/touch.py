@@ -85,8 +85,10 @@ def earliest(curve, features, search, first, last, radius, begin, end, item, bes
 def passes_by(curve, edges, e, radius, begin, end):
     """Whether it is plain that the ball does not touch edge e from `begin` to `end` (s): the curve's chord is too far away."""
     x, time = point(curve, begin), end - begin
-    reach = radius * (1.0 + SLACK) + 0.125 * bend(curve, begin, end) * time * time
-    return distance_squared(edges, e, x, sub(point(curve, end), x)) > reach * reach
+    chord = sub(point(curve, end), x)
+    # slack also for the angle below which the distance is that of parallel lines
+    reach = radius + SLACK * (radius + norm(chord)) + 0.125 * bend(curve, begin, end) * time * time
+    return distance_squared(edges, e, x, chord) > reach * reach
 
 
 def distance_squared(edges, e, x, chord):
@@ -95,7 +97,7 @@ def distance_squared(edges, e, x, chord):
     off = sub(x, vector(edges, e, START))
     a, b, c, f = dot(chord, chord), dot(chord, axis), dot(chord, off), dot(axis, off)
     t, slant = 0.0, a - b * b
-    if slant > 1e-12 * a:
+    if slant > SLACK * SLACK * a:
         t = min(max((b * f - c) / slant, 0.0), 1.0)
     u = b * t + f
     if u < 0.0 or u > length:

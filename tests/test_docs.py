@@ -12,7 +12,7 @@ from runner import cli, config, starts
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
+CONFIGS = sorted((ROOT / "configs").rglob("*.yaml"))
 COMMANDS = typer.main.get_command(cli.app).commands
 
 
