@@ -135,11 +135,13 @@ def time_to_rest(v, a, normal, e):
 def comes_to_rest(v, a, normal, e, damping, blur):
     """Whether what is left of the bounces is negligible: the height of the hop, and, as damping stops the ball, the way along the
     surface, are at most NEGLIGIBLE; or the hop takes no longer than `blur` (s), which a method of first order cannot resolve."""
+    u, pull = max(dot(v, normal), 0.0), -dot(a, normal)
+    if pull <= 0.0:
+        return False
+    if 2.0 * u <= pull * blur:
+        return True
     left = time_to_rest(v, a, normal, e)
     if left == np.inf:
         return False
-    u, pull = max(dot(v, normal), 0.0), -dot(a, normal)
-    if 2.0 * u <= pull * blur:
-        return True
     along = norm(axpy(-u, normal, v)) + norm(a) * left if damping > 0.0 else 0.0
     return u * u <= 2.0 * pull * NEGLIGIBLE and along * left <= NEGLIGIBLE

@@ -246,7 +246,8 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 a = turn(features, x, v, mover)
                 stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
                 if stays and not flies_off(features, item, x, v, a, normal):
-                    settled = released + age + time_to_rest(v, a, normal, body.restitution)
+                    ends = time_to_rest(v, a, normal, body.restitution)
+                    settled = released + age + (ends if ends < np.inf else 0.0)
                     contacts = add(contacts, item, normal, body.damping > 0.0)
                     v1 = tangent(v, contacts)
                     if contacts.held or dot(v1, v1) <= STILL * STILL:

@@ -24,7 +24,13 @@ def test_the_failure_and_its_cure_are_as_the_file_says(path):
     for one in runs:
         result = run(one)
         reports.append(
-            {"run_id": one.run_id, "parameters": one.parameters, "status": result.status, "error": None, "figures": result.summary}
+            {
+                "run_id": one.run_id,
+                "parameters": one.parameters,
+                "status": result.status,
+                "error": None,
+                "figures": result.summary,
+            }
         )
     verdicts = expect.verdicts(experiment.expect, reports)
     assert len(verdicts) >= 3, "it pins the failure and the cure"
