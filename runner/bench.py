@@ -60,7 +60,7 @@ class Speed:
 
 
 def cases() -> list[Case]:
-    exact = [Case(scene, EXACT, "swept", duration) for scene, duration in zip(SCENES, (60.0, 30.0, 5.0))]
+    exact = [Case(scene, EXACT, "swept", duration) for scene, duration in zip(SCENES, (600.0, 300.0, 20.0))]
     stepped = [Case("box", name, "swept", 1.0) for name in integrators.names()]
     stepped += [Case("box", name, "original", 1.0) for name in integrators.fixed()]
     return exact + stepped

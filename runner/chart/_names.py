@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 #: The columns every summary has: words and unit.
@@ -100,7 +101,7 @@ def label(column: str, size: bool = False) -> str:
 
 def heading(column: str, value: Any) -> str:
     """What heads a panel: the value alone when it is a name, else ball mass = 0.1 kg."""
-    if isinstance(value, str):
+    if isinstance(value, str) and not value.startswith("{"):
         return value
     return f"{words(column)} = {value_text(value)} {unit(column)}".rstrip()
 
@@ -111,7 +112,9 @@ def sentence(text: str) -> str:
 
 
 def value_text(value: Any) -> str:
-    """A value of a column as a legend or a tick shows it."""
+    """A value of a column as a legend or a tick shows it; of a mapping, which a table holds as JSON, its keys."""
+    if isinstance(value, str) and value.startswith("{"):
+        return ", ".join(json.loads(value)) or "none"
     if value is None:
         return "none"
     if isinstance(value, bool):
