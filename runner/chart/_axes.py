@@ -15,7 +15,7 @@ from matplotlib.transforms import ScaledTranslation
 from runner.chart._names import number_text
 
 FEW = 8  # places along x: each gets a tick, and the series stand side by side
-MOST_TICKS = 8  # on one side of a logarithmic axis
+MOST_TICKS, LEAST_TICKS = 8, 4  # on one side of a logarithmic axis, of a whole figure and of a small multiple
 
 
 def scale(values: Iterable[float]) -> str:
@@ -51,7 +51,8 @@ def set_scale(axes: Axes, which: str, values: Iterable[float], kind: str | None 
     if kind == "linear":
         return
     high = math.floor(math.log10(sizes.max()) + 1e-9)
-    every = max(1, math.ceil((high - low + 1) / MOST_TICKS))
+    narrow = which == "x" and axes.get_position().width < 0.4
+    every = max(1, math.ceil((high - low + 1) / (LEAST_TICKS if narrow else MOST_TICKS)))
     if kind == "symlog":  # which has one decade's length from zero to `low`
         ticks = [10.0**e for e in range(low, high + 1) if e % every == 0 and e - low + 1 >= every]
         axis.set_major_locator(FixedLocator([-tick for tick in reversed(ticks)] + [0] + ticks))
