@@ -47,27 +47,6 @@ class Inline:
             told(task, function(task))
 
 
-KERNELS = """\
-from sim import integrators
-from sim.forces import Drag
-from tests.sim.helpers import FREE, balls
-from sim.simulate import Scene, Simulation, Solver
-for method, forces in (("exact", {}), *((name, {}) for name in integrators.names()), ("exact", {"air": Drag(1.0)})):
-    Simulation(Scene(forces=forces), balls(FREE, FREE), Solver(method), 1.0, 1.0).warm()
-"""
-
-
-@pytest.fixture(scope="session", autouse=True)
-def kernels_ahead(request):
-    """Before all of the tests the kernels of swept contact are compiled in a process besides, while tests run that need none."""
-    if request.session.testscollected < 1000:
-        yield
-        return
-    with subprocess.Popen([sys.executable, "-c", KERNELS]) as process:
-        yield
-        process.kill()
-
-
 @pytest.fixture(scope="session")
 def fall() -> str:
     """The text of an experiment file: one ball falls for 0.2 s."""
