@@ -40,8 +40,8 @@ def unstable(one):
 @pytest.mark.parametrize("field", THEORY)
 @pytest.mark.parametrize("method", integrators.fixed())
 def test_the_border_is_that_of_theory(rows, method, field):
-    """To the cell: the last cell below the claimed limit is stable and the first above it is not, unless by theory too the step's
-    matrix has an island of stability there, as that of pefrl."""
+    """To the cell: the last cell below the claimed limit is stable and the first above it is not; but for pefrl, where one may lie
+    on an island of stability that theory has there, too."""
     claim, told = limit(THEORY[field], method), []
     for strength, runs in rows[method, field].items():
         products = [each.setup.solver.step * RATES[field](strength) for each in runs]
@@ -52,7 +52,7 @@ def test_the_border_is_that_of_theory(rows, method, field):
                 told.append((z, unstable(each)))
     assert len(told) >= len(rows[method, field])
     w2, b = (1.0, 0.0) if field == "stiffness" else (0.0, 1.0)
-    # after 20,000 steps a factor of 1.0001 has made a hundred of the energy
-    by_theory = [np.abs(np.linalg.eigvals(amplification(method, z, w2, b))).max() > 1.0001 for z, _ in told]
-    assert [grows for _, grows in told] == by_theory
-    assert sum(above != (z > claim) for (z, _), above in zip(told, by_theory)) <= (1 if method == "pefrl" else 0)
+    wrong = [z for z, grows in told if grows != (z > claim)]
+    # 1e-7: two eigenvalues that meet on the unit circle are known to the root of the rounding only
+    assert [z for z in wrong if z < claim or np.abs(np.linalg.eigvals(amplification(method, z, w2, b))).max() > 1 + 1e-7] == []
+    assert len(wrong) <= (1 if method == "pefrl" else 0)
