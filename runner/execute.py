@@ -15,7 +15,7 @@ from runner.errors import InputError
 from runner.result import Result
 from sim.simulate import Flight, Simulation
 
-SPREAD = 0.25  # s
+SPREAD = 0.25  # s, over which the repeats of a short flight are spread
 
 
 def prepare(run: Run) -> Simulation:
