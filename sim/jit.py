@@ -1,4 +1,4 @@
-"""From plain Python to compiled kernels: everything that knows numba.
+"""From plain Python to compiled kernels: with `sim.compiler` everything that knows numba.
 
 The kernels of `sim` are plain functions that call each other by name. `bind` rebuilds such a function with some of the names
 in its call tree bound to other things (`step` to a method's, a count to a constant) and compiles it. A kernel specialised
@@ -11,7 +11,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -46,11 +46,11 @@ def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
 
     With `compiled` False the plain Python function, for oracles and for reading tracebacks.
     """
-    return _rebuild(function, tuple(sorted(names.items())), compiled)
+    return _rebuild(function, tuple(sorted(names.items())), compiled, inner=False)
 
 
 @cache
-def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
+def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = True) -> Callable:
     bound, globals_ = dict(names), dict(function.__globals__)
     for name in function.__code__.co_names:
         value = bound.get(name, globals_.get(name))
@@ -63,20 +63,43 @@ def _rebuild(function: Callable, names: tuple, compiled: bool) -> Callable:
         return rebuilt
     rebuilt.__module__ = function.__module__
     # The name tells numba's files apart: two kernels of one name would be served each other's code.
-    bindings = ", ".join(f"{name}={_label(value)}" for name, value in names)
+    bindings = ", ".join([*(f"{name}={_label(value)}" for name, value in names), "" if inner else "for Python to call"])
     rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
     # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do.
-    kernel = numba().njit(cache=True, error_model="numpy", _nrt=False, forceinline=_melts(function))(rebuilt)
-    return _widened(kernel)
+    njit = partial(numba().njit, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)
+    if not inner:
+        return njit(cache=True)(rebuilt)
+    from sim.compiler import Melt, SetApart
+
+    njit = partial(njit, no_cpython_wrapper=True)
+    if _melts(function):
+        return _widened(njit(forceinline=True, pipeline_class=Melt)(rebuilt))
+    return _widened(njit(cache=True, pipeline_class=SetApart)(rebuilt), (function, names))
 
 
-def _widened(kernel: Any) -> Any:
-    """The kernel, compiled once for all integers: numba compiles it anew for a 0 and a 1 written in a call, to no gain."""
+def _widened(kernel: Any, apart: tuple = ()) -> Any:
+    """The kernel, compiled once for all integers: numba compiles it anew for a 0 and a 1 written in a call, to no gain.
+
+    One that stays `apart`, a function and its names, is loaded before any code from disk that calls it.
+    """
     from numba.core.types import unliteral
 
     template = kernel.get_call_template
-    kernel.get_call_template = lambda args, kws: template(tuple(unliteral(a) for a in args), kws)
+
+    def resolve(args, kws):
+        args = tuple(unliteral(a) for a in args)
+        found = template(args, kws)
+        if apart:
+            kernel.overloads[args].library._reload_init = {partial(_load, *apart, args)}
+        return found
+
+    kernel.get_call_template = resolve
     return kernel
+
+
+def _load(function: Callable, names: tuple, args: tuple) -> None:
+    """Have a function that stays apart ready, for arguments of the types `args`."""
+    _rebuild(function, names, compiled=True).compile(args)
 
 
 def _used(function: Callable, names: tuple) -> tuple:
@@ -98,7 +121,8 @@ def _is_kernel(value: Any) -> bool:
 
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
-    *("advance", "travel", "fly", "hop", "look", "check", "onward", "response", "touch_edge", "beside", "onto_face", "onto_edge"),
+    *("advance", "travel", "fly", "strike", "hop", "look", "check", "onward", "response", "first_touch", "touch_edge", "beside"),
+    *("onto_face", "onto_edge", "next_crossing", "motion", "pressed", "count_passed", "load_contacts", "save_contacts"),
     *("slide_around", "turn", "arc", "passes_out", "slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing"),
     *("put_on", "meets"),
 }

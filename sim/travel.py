@@ -222,48 +222,9 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         # what the event does
         known = CARRIES and what == NOTHING and contacts.count == 0 and age != switch
         if what == TOUCH:
-            surface = surface_of(features, item)
-            normal = facing(features, item, x)
-            same = parallel(contacts, normal)
-            if same != NONE:  # from an edge onto the face beside it, or the other way: no impact
-                contacts = replaced(contacts, same, item, normal)
-                if curved:
-                    x, contacts = put_on(features, contacts, x, body.radius)
-                v = tangent(v, contacts)
-                mover = lying_on(mover, contacts)
-            else:
-                if curved:
-                    x, _ = put_on(features, add(contacts, item, normal, False), x, body.radius)
-                if dot(v, normal) >= 0.0 and not curved:
-                    # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
-                    v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
-                if dot(v, normal) < 0.0:
-                    v, vn, squared = rebound(v, normal, body.restitution, body.damping)
-                    lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
-                    s[LOST] += lost
-                    note(log, rows, released + age, ball, surface, x, normal, vn, np.sqrt(squared), lost)
-                    rows += 1
-                if dot(v, v) <= STILL * STILL:
-                    v = (0.0, 0.0, 0.0)
-                contacts = still_touching(v, acceleration(age, x, v, lying_on(mover, no_contacts())), contacts)
-                mover = lying_on(mover, contacts)
-                v = tangent(v, contacts)
-                a = turn(features, x, v, mover)
-                stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
-                if stays and not flies_off(features, item, x, v, a, normal):
-                    ends = time_to_rest(v, a, normal, body.restitution)
-                    settled = released + age + (ends if ends < np.inf else 0.0)
-                    contacts = add(contacts, item, normal, body.damping > 0.0)
-                    v1 = tangent(v, contacts)
-                    if contacts.held or dot(v1, v1) <= STILL * STILL:
-                        v1 = (0.0, 0.0, 0.0)
-                    lost = 0.5 * body.mass * (dot(v, v) - dot(v1, v1))
-                    s[LOST] += lost
-                    note(log, rows, settled, ball, surface, x, normal, REST, norm(v1), lost)
-                    rows += 1
-                    v = v1
-                elif length == 0.0 and -4.0 * ROUNDING * norm(v) <= dot(v, normal) <= 0.0:
-                    v = axpy(4.0 * ROUNDING * norm(v), normal, v)  # else it might touch again at once, and again
+            x, v, contacts, rows = strike(
+                s, ball, curve, length, curved, item, age, x, v, mover, contacts, blur, body, features, log, rows
+            )
         elif what == FACE:
             x = snapped(x, item, place)
         elif what == OFF:
@@ -304,3 +265,53 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
     s[AGE], s[FRAME], s[LEFT], s[STEP] = age, frame, left, dt
     save_contacts(s, contacts)
     return how, rows, budget
+
+
+def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, blur, body, features, log, rows):
+    """What becomes of a ball that has touched `item` at x, on the curve after `length` (s): an impact, or rest.
+
+    Returns its place, velocity and contacts, and the rows of the log filled.
+    """
+    surface = surface_of(features, item)
+    normal = facing(features, item, x)
+    same = parallel(contacts, normal)
+    if same != NONE:  # from an edge onto the face beside it, or the other way: no impact
+        contacts = replaced(contacts, same, item, normal)
+        if curved:
+            x, contacts = put_on(features, contacts, x, body.radius)
+        v = tangent(v, contacts)
+        mover = lying_on(mover, contacts)
+    else:
+        if curved:
+            x, _ = put_on(features, add(contacts, item, normal, False), x, body.radius)
+        if dot(v, normal) >= 0.0 and not curved:
+            # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
+            v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
+        if dot(v, normal) < 0.0:
+            v, vn, squared = rebound(v, normal, body.restitution, body.damping)
+            lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
+            s[LOST] += lost
+            note(log, rows, s[RELEASED] + age, ball, surface, x, normal, vn, np.sqrt(squared), lost)
+            rows += 1
+        if dot(v, v) <= STILL * STILL:
+            v = (0.0, 0.0, 0.0)
+        contacts = still_touching(v, acceleration(age, x, v, lying_on(mover, no_contacts())), contacts)
+        mover = lying_on(mover, contacts)
+        v = tangent(v, contacts)
+        a = turn(features, x, v, mover)
+        stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
+        if stays and not flies_off(features, item, x, v, a, normal):
+            ends = time_to_rest(v, a, normal, body.restitution)
+            settled = s[RELEASED] + age + (ends if ends < np.inf else 0.0)
+            contacts = add(contacts, item, normal, body.damping > 0.0)
+            v1 = tangent(v, contacts)
+            if contacts.held or dot(v1, v1) <= STILL * STILL:
+                v1 = (0.0, 0.0, 0.0)
+            lost = 0.5 * body.mass * (dot(v, v) - dot(v1, v1))
+            s[LOST] += lost
+            note(log, rows, settled, ball, surface, x, normal, REST, norm(v1), lost)
+            rows += 1
+            v = v1
+        elif length == 0.0 and -4.0 * ROUNDING * norm(v) <= dot(v, normal) <= 0.0:
+            v = axpy(4.0 * ROUNDING * norm(v), normal, v)  # else it might touch again at once, and again
+    return x, v, contacts, rows

@@ -94,6 +94,26 @@ def test_disk_serves_each_its_own_code_until_a_source_changes(tmp_path, copied):
     assert python(KEPT, copied, **cache).split() == ["0.0", "0", "3.0", "0", "1.0", "0"]
 
 
+APART = """
+from sim import jit, probe
+kernel = jit.bind(probe.outer)
+print(kernel(2.0), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+def test_code_from_disk_finds_what_it_calls_even_where_that_was_lost(tmp_path, copied):
+    """`turn` stays a function apart, so that its code is not in that of `outer`."""
+    (copied / "sim/probe.py").write_text("def turn(x):\n    return 3.0 * x\n\n\ndef outer(x):\n    return turn(x) + 1.0\n")
+    cache = tmp_path / "cache"
+    assert python(APART, copied, XDG_CACHE_HOME=str(cache)).split() == ["7.0", "0"]
+    assert python(APART, copied, XDG_CACHE_HOME=str(cache)).split() == ["7.0", "1"]
+    lost = [file for file in cache.rglob("*") if "turn" in file.name]
+    assert lost
+    for file in lost:
+        file.unlink()
+    assert python(APART, copied, XDG_CACHE_HOME=str(cache)).split() == ["7.0", "1"]
+
+
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):
     (tmp_path / "file").write_text("")
     code = "from sim.jit import numba; print(numba().config.CACHE_DIR)"
