@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -97,26 +98,32 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
 
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
-    """A task for each kernel that the runs, and their references, need."""
-    kernels = {}
+    """A task for each kernel that the runs, and their references, need: first those that have little in common, so that workers
+    do not compile the same at the same time."""
+    kernels, alike = {}, Counter()
     for run, task in zip(runs, tasks):
         kernels.setdefault(kernel_key(run), task)
         if run.setup.reference:
             exact = reference.twin(run)
             kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
-    return list(kernels.values())
+
+    def like_it_before(key: tuple) -> int:
+        alike[key[0]] += 1
+        return alike[key[0]]
+
+    return [kernels[key] for key in sorted(kernels, key=like_it_before)]
 
 
 def kernel_key(run: Run) -> tuple:
-    """What kernel the run needs: runs with the same key share one."""
+    """What kernel the run needs: runs with the same key share one, those that have the first of it in common share much."""
     from sim import engines, forces
 
     setup = run.setup
     fields = [field.build(run.folder) for field in setup.scene.forces.values()]
     packed, method = forces.pack(fields, setup.scene.gravity, setup.balls.mass), setup.solver.method
     if setup.solver.contact == "original":
-        return method, len(packed.selective)
-    return method, *engines.bindings(method, packed).values()
+        return "steps", method, len(packed.selective)
+    return engines.curve_of(method, packed), method, *engines.bindings(method, packed).values()
 
 
 def finish(work: Plan) -> pyarrow.Table:

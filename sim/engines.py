@@ -137,13 +137,11 @@ def steps(method: str) -> dict:
 
 def bindings(method: str, packed: forces.Forces) -> dict:
     """What the names in the kernel `travel` stand for with this method and these fields."""
+    curve = curve_of(method, packed)
     if method == "exact":
-        rows = np.vstack([packed.steady, packed.selective[:, : len(packed.steady)]])
-        curve = "oscillation" if rows[:, [forces.W2, forces.B]].any() else "parabola"
         parts = [(f"solvers.{method}", SOLVER)]
     else:
         claims = integrators.load(method)[0]
-        curve = claims.curve
         parts = [("solvers.adaptive" if claims.adaptive else "solvers.stepping", SOLVER)]
     names = steps(method) if method != "exact" else {}
     names |= {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
@@ -152,3 +150,12 @@ def bindings(method: str, packed: forces.Forces) -> dict:
         found = vars(importlib.import_module(f"sim.{module}"))
         names |= {name: found[name] for name in wanted if name in found}
     return names
+
+
+def curve_of(method: str, packed: forces.Forces) -> str:
+    """The module of `sim.curves` of the method's flights in these fields: most of the kernel `travel` is the same for all methods
+    with the same one, and compiled once."""
+    if method != "exact":
+        return integrators.load(method)[0].curve
+    rows = np.vstack([packed.steady, packed.selective[:, : len(packed.steady)]])
+    return "oscillation" if rows[:, [forces.W2, forces.B]].any() else "parabola"
