@@ -19,6 +19,8 @@ reference: exact
 ONE = "{released: [{position: [0, 0, 0]}]}"
 MANY = "{emitter: {position: [0, 0, 0], direction: [1, 2, 3], rate: 10, spread: 90}}"
 
+SMOKE = Path(__file__).parents[2] / "configs/smoke.yaml"
+
 EXACT = {"balls": ONE, "method": "exact", "contact": "swept", "duration": 1, "every": 0.1}
 
 
@@ -143,6 +145,13 @@ def test_runs_with_the_same_key_share_a_kernel_and_no_others(here):
     assert all(len(each) == 1 for each in (*keys.values(), *kernels.values()))
     # three methods: swept, and the original's rule with and without a field to look at; and exact with and without drag
     assert len(keys) == 3 + 3 * 2 + 2
+
+
+def test_kernels_with_little_in_common_are_compiled_first():
+    runs = list(load(SMOKE, {"reference": None}).runs())
+    curves = [sweeping.kernel_key(run)[0] for run in sweeping._kernels(runs, runs)]
+    kinds = len(set(curves))
+    assert len(curves) == len(runs) > kinds == len(set(curves[:kinds]))
 
 
 def test_the_references_kernel_is_compiled_beforehand(here, inline, monkeypatch):
