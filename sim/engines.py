@@ -139,14 +139,12 @@ def bindings(method: str, packed: forces.Forces) -> dict:
     """What the names in the kernel `travel` stand for with this method and these fields."""
     curve = curve_of(method, packed)
     if method == "exact":
-        parts = [(f"solvers.{method}", SOLVER)]
+        names, solver = {}, method
     else:
-        claims = integrators.load(method)[0]
-        parts = [("solvers.adaptive" if claims.adaptive else "solvers.stepping", SOLVER)]
-    names = steps(method) if method != "exact" else {}
+        names, solver = steps(method), "adaptive" if integrators.load(method)[0].adaptive else "stepping"
     names |= {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
-    for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
+    for module, wanted in ((f"curves.{curve}", CURVE), (f"solvers.{solver}", SOLVER)):
         found = vars(importlib.import_module(f"sim.{module}"))
         names |= {name: found[name] for name in wanted if name in found}
     return names
