@@ -21,6 +21,7 @@ from sim.packed import facing, surface_of
 from sim.penetration import count_passed
 from sim.rest import (
     STILL,
+    TOUCHING,
     add,
     comes_to_rest,
     no_contacts,
@@ -35,6 +36,7 @@ from sim.rest import (
 from sim.slide import (
     arc,
     curves,
+    falls_back,
     flies_off,
     meets,
     on_edge,
@@ -55,6 +57,7 @@ from sim.state import (
     AGE,
     CROSSED,
     END,
+    FLOWN,
     FRAME,
     LEFT,
     LOST,
@@ -124,7 +127,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         frame += 1
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
-    how, clear, left, dt = DONE, 0.0, int(s[LEFT]), s[STEP]
+    how, clear, left, flown, dt = DONE, 0.0, int(s[LEFT]), int(s[FLOWN]), s[STEP]
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -142,6 +145,10 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 contacts = pressing(features, x, v, mover)
                 mover = lying_on(mover, contacts)
                 curved = curves(features, contacts, x)
+            if flown != NONE and not curved:  # it goes on as one that slides, until a step of the method gets it away
+                step_curve, _, _, _, _ = depart(aim - age, dt, tolerance, age, x, v, mover)
+                curved = falls_back(step_curve, features, flown, body.radius, dt)
+                flown = flown if curved else NONE
         if curved:
             aim = min(limit, age + arc(features, x, v, mover, body.radius))
         h = aim - age
@@ -234,10 +241,13 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             else:
                 if curved:
                     x, _ = put_on(features, add(contacts, item, normal, False), x, body.radius)
-                if dot(v, normal) >= 0.0 and not curved:
+                flown = NONE
+                if dot(v, normal) >= -TOUCHING * norm(v) and flies_off(features, item, x, v, mover, normal):
+                    flown = item
+                elif dot(v, normal) >= 0.0 and not curved:
                     # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
                     v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
-                if dot(v, normal) < 0.0:
+                if flown == NONE and dot(v, normal) < 0.0:
                     v, vn, squared = rebound(v, normal, body.restitution, body.damping)
                     lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
                     s[LOST] += lost
@@ -250,7 +260,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 v = tangent(v, contacts)
                 a = turn(features, x, v, mover)
                 stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
-                if stays and not flies_off(features, item, x, v, a, normal):
+                if stays and not flies_off(features, item, x, v, mover, normal):
                     ends = time_to_rest(v, a, normal, body.restitution)
                     settled = released + age + (ends if ends < np.inf else 0.0)
                     contacts = add(contacts, item, normal, body.damping > 0.0)
@@ -273,7 +283,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             continue
         if what == OFF:
             left = item
-        elif not on_edge(features.faces, contacts):
+        elif flown == NONE and not on_edge(features.faces, contacts):
             left = NONE
         clear = 0.0
         if len(forces.selective) > 0:
@@ -301,6 +311,6 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         frame += 1
     for k in range(3):
         s[X + k], s[V + k] = x[k], v[k]
-    s[AGE], s[FRAME], s[LEFT], s[STEP] = age, frame, left, dt
+    s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP] = age, frame, left, flown, dt
     save_contacts(s, contacts)
     return how, rows, budget
