@@ -213,8 +213,6 @@ def flies_off(features, item, x, v, mover, normal):
 def falls_back(curve, features, item, radius, h):
     """Whether the curve takes a ball that flies off an edge or corner `item` back onto it within h (s). The acceleration does not,
     but that of a curve may be twice as large: of a step of first order, whose place is that of the velocity at its end."""
-    if item == NONE:
-        return False
     e, x = item - len(features.faces), point(curve, 0.0)
     off = from_edge(features.edges, e, x)
     along = dot(sub(x, vector(features.edges, e, START)), vector(features.edges, e, ALONG))

@@ -146,8 +146,8 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 mover = lying_on(mover, contacts)
                 curved = curves(features, contacts, x)
             if flown != NONE and not curved:  # it goes on as one that slides, until a step of the method gets it away
-                step_curve, _, _, _, _ = depart(aim - age, dt, tolerance, age, x, v, mover)
-                curved = falls_back(step_curve, features, flown, body.radius, dt)
+                ahead = depart(aim - age, dt, tolerance, age, x, v, mover)[0]
+                curved = falls_back(ahead, features, flown, body.radius, dt)
                 flown = flown if curved else NONE
         if curved:
             aim = min(limit, age + arc(features, x, v, mover, body.radius))

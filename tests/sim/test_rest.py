@@ -138,7 +138,8 @@ def test_down_a_frictionless_slope_to_first_order(method, e):
         t, x = flight.trajectory.time, flight.trajectory.position[:, 0]
         # half a step of the way
         assert (np.abs(x @ down - G * np.sin(0.4) * t**2 / 2) <= 0.51 * step * G * np.sin(0.4) * t + 1e-12).all()
-        assert len(flight.rests) == 1 and np.abs(x[t > flight.rests["time"][0]] @ normal - R).max() < 1e-13
+        # 5000 steps that round numbers below 50
+        assert len(flight.rests) == 1 and np.abs(x[t > flight.rests["time"][0]] @ normal - R).max() < 1e-12
         assert flight.status == "finished" and flight.penetrations == 0
 
 
