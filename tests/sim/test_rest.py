@@ -1,5 +1,7 @@
 """Balls that come to rest, slide, are lifted again, and go over edges: against formulas."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -69,8 +71,8 @@ def test_without_restitution_it_rests_at_once(method, damping):
         assert flight.status == "finished" and last(flight)[0, 0] == pytest.approx(0.5, abs=1e-13)  # a thousand steps
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("e", [0.0, 1 / 3, 0.8])
+# a hop of Euler's has a least length: more than the step for such e, and the ball hops on
+@pytest.mark.parametrize("method, e", [*product(METHODS, [0.0, 1 / 3]), *product(FINE, [0.8])])
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_it_is_lifted_when_what_pushes_ends(method, e, damping):
     # a hundred steps that round numbers below 4; or half a step of the way
@@ -138,8 +140,8 @@ def test_down_a_frictionless_slope_to_first_order(method, e):
         t, x = flight.trajectory.time, flight.trajectory.position[:, 0]
         # half a step of the way
         assert (np.abs(x @ down - G * np.sin(0.4) * t**2 / 2) <= 0.51 * step * G * np.sin(0.4) * t + 1e-12).all()
-        # 5000 steps that round numbers below 50
-        assert len(flight.rests) == 1 and np.abs(x[t > flight.rests["time"][0]] @ normal - R).max() < 1e-12
+        # 5000 steps that round numbers below 50, by up to 4e-15
+        assert len(flight.rests) == 1 and np.abs(x[t > flight.rests["time"][0]] @ normal - R).max() < 5e-12
         assert flight.status == "finished" and flight.penetrations == 0
 
 
