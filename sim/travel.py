@@ -146,7 +146,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 mover = lying_on(mover, contacts)
                 curved = curves(features, contacts, x)
             if flown != NONE and not curved:  # it goes on as one that slides, until a step of the method gets it away
-                ahead = depart(aim - age, dt, tolerance, age, x, v, mover)[0]
+                ahead = depart(aim - age, dt, tolerance, age, x, v, acceleration(age, x, v, mover), mover)[0]
                 curved = falls_back(ahead, features, flown, body.radius, dt)
                 flown = flown if curved else NONE
         if curved:
@@ -227,7 +227,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             break
 
         # what the event does
-        known = CARRIES and what == NOTHING and contacts.count == 0 and age != switch
+        known = CARRIES and what == NOTHING and contacts.count == 0 and not curved and age != switch
         if what == TOUCH:
             surface = surface_of(features, item)
             normal = facing(features, item, x)
