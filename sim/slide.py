@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.curves.parabola import fall, point, project, start  # bound to the curve's own before they are compiled
+from sim.curves.parabola import fall, point, project, slope, start  # bound to the curve's own before they are compiled
 from sim.motion import acceleration, lying_on
 from sim.packed import (
     ALONG,
@@ -27,7 +27,7 @@ from sim.packed import (
     vector,
 )
 from sim.rest import PARALLEL, TOUCHING, add, no_contacts, parallel, replaced, tangent, without
-from sim.touch import NONE
+from sim.touch import NONE, lift
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
 
 PAST = 1e-9  # of a segment's length: how far past its ends a crossing still counts
@@ -202,11 +202,22 @@ def pressing(features, x, v, mover):
         contacts = without(contacts, which)
 
 
-def flies_off(features, item, x, v, a, normal):
-    """Whether a ball that runs along an edge or corner `item` is too fast for its acceleration a to hold it there."""
+def flies_off(features, item, x, v, mover, normal):
+    """Whether a ball that runs along an edge or corner `item` is too fast for its acceleration to hold it there."""
     if item < len(features.faces):
         return False
+    a = turn(features, x, v, mover)
     return dot(a, normal) + bending(features, item, x, axpy(-dot(v, normal), normal, v)) >= 0.0
+
+
+def falls_back(curve, features, item, radius, h):
+    """Whether the curve takes a ball that flies off an edge or corner `item` back onto it within h (s). The acceleration does not,
+    but that of a curve may be twice as large: of a step of first order, whose place is that of the velocity at its end."""
+    e, x = item - len(features.faces), point(curve, 0.0)
+    off = from_edge(features.edges, e, x)
+    along = dot(sub(x, vector(features.edges, e, START)), vector(features.edges, e, ALONG))
+    speed = dot(off, slope(curve, 0.0)) / norm(off)
+    return norm(off) - radius + h * (speed + 0.5 * h * lift(curve, features.edges, e, off, along)) < 0.0
 
 
 def arc(features, x, v, mover, radius):

@@ -18,7 +18,8 @@ COUNT, HELD, ITEMS, NORMALS = 14, 15, 16, 19  # contacts
 EVENTS, SINCE = 28, 29  # events since the age SINCE (s)
 LEFT = 30  # the face that the ball has just slid off
 STEP = 31  # s, to try next
-WIDTH = 32
+FLOWN = 32  # the edge or corner that the ball has just flown off
+WIDTH = 33
 
 
 def work_done(curve, t, x, v, x1, v1, mover, mass):
@@ -81,5 +82,5 @@ def depart_states(balls, duration, dt):
     states[:, X : X + 3], states[:, V : V + 3] = balls.position, balls.velocity
     states[:, RELEASED] = balls.released
     states[:, END] = np.minimum(balls.lifetime, duration - balls.released)
-    states[:, ITEMS : ITEMS + 3], states[:, LEFT], states[:, STEP] = NONE, NONE, dt
+    states[:, ITEMS : ITEMS + 3], states[:, LEFT], states[:, FLOWN], states[:, STEP] = NONE, NONE, NONE, dt
     return states

@@ -16,6 +16,7 @@ from sim.curves.majorant import MOST, polish, stride
 
 # bound to the curve's own before they are compiled
 from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
+from sim.curves.stays_off import stays_off
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.tree import cast, enter, onward
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
@@ -27,6 +28,7 @@ SLACK = 1e-6  # share of the radius by which more is looked at than can be touch
 FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
 LEVEL = 1e-12  # of the speed: a velocity toward an edge that is rounding
 NEXT = 1e-6  # radii: of a ball that slides around a corner, how near to one place on it the nearest of two edges are
+PATIENCE = 100  # steps of a search, that to a double zero takes; one that goes on may be along a surface
 TIE = 1e-12  # of the time: an edge touched before a face by no more than this is taken for touched with it
 
 
@@ -256,13 +258,14 @@ def touch_edge(curve, edges, e, radius, begin, end):
     """When (s) the ball first touches edge e or a corner at its ends, from `begin` on; inf if not within `end`.
 
     The distance to the edge's whole line is no more than that to the edge, and bent only by what happens across it: of the
-    two ways to go on without missing a touch the longer is taken.
+    two ways to go on without missing a touch the longer is taken; after PATIENCE steps of three, see `sim.curves.stays_off`. A
+    ball that for MOST steps is no farther off than rounding can tell counts as touching.
     """
     axis, length = vector(edges, e, ALONG), edges[e, LENGTH]
     near = seen_from(curve, vector(edges, e, START))
     flat = seen_along(near, axis)
     s = begin
-    for _ in range(MOST):
+    for k in range(MOST):
         x, v = point(near, s), slope(near, s)
         along, line = dot(x, axis), across(axis, x)
         off = axpy(-min(max(along, 0.0), length), axis, x)
@@ -284,6 +287,8 @@ def touch_edge(curve, edges, e, radius, begin, end):
         step = stride(gap, speed, m, noise)
         if wide > radius:
             step = max(step, stride(wide - radius, dot(line, v) / wide, bend(flat, s, end), noise))
+        if k >= PATIENCE:
+            step = max(step, stays_off(near, axis, length, radius, s, end, step, noise))
         s += step
         if not s <= end:
             return np.inf

@@ -21,6 +21,7 @@ from sim.packed import facing, surface_of
 from sim.penetration import count_passed
 from sim.rest import (
     STILL,
+    TOUCHING,
     add,
     comes_to_rest,
     no_contacts,
@@ -35,6 +36,7 @@ from sim.rest import (
 from sim.slide import (
     arc,
     curves,
+    falls_back,
     flies_off,
     meets,
     on_edge,
@@ -55,6 +57,7 @@ from sim.state import (
     AGE,
     CROSSED,
     END,
+    FLOWN,
     FRAME,
     LEFT,
     LOST,
@@ -124,7 +127,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         frame += 1
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
-    how, clear, left, dt = DONE, 0.0, int(s[LEFT]), s[STEP]
+    how, clear, left, flown, dt = DONE, 0.0, int(s[LEFT]), int(s[FLOWN]), s[STEP]
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -142,6 +145,10 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 contacts = pressing(features, x, v, mover)
                 mover = lying_on(mover, contacts)
                 curved = curves(features, contacts, x)
+            if flown != NONE and not curved:  # it goes on as one that slides, until a step of the method gets it away
+                ahead = depart(aim - age, dt, tolerance, age, x, v, acceleration(age, x, v, mover), mover)[0]
+                curved = falls_back(ahead, features, flown, body.radius, dt)
+                flown = flown if curved else NONE
         if curved:
             aim = min(limit, age + arc(features, x, v, mover, body.radius))
         h = aim - age
@@ -220,10 +227,10 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             break
 
         # what the event does
-        known = CARRIES and what == NOTHING and contacts.count == 0 and age != switch
+        known = CARRIES and what == NOTHING and contacts.count == 0 and not curved and age != switch
         if what == TOUCH:
-            x, v, contacts, rows = strike(
-                s, ball, curve, length, curved, item, age, x, v, mover, contacts, blur, body, features, log, rows
+            x, v, contacts, flown, rows = strike(
+                s, ball, curve, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows
             )
         elif what == FACE:
             x = snapped(x, item, place)
@@ -234,7 +241,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             continue
         if what == OFF:
             left = item
-        elif not on_edge(features.faces, contacts):
+        elif flown == NONE and not on_edge(features.faces, contacts):
             left = NONE
         clear = 0.0
         if len(forces.selective) > 0:
@@ -262,15 +269,15 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         frame += 1
     for k in range(3):
         s[X + k], s[V + k] = x[k], v[k]
-    s[AGE], s[FRAME], s[LEFT], s[STEP] = age, frame, left, dt
+    s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP] = age, frame, left, flown, dt
     save_contacts(s, contacts)
     return how, rows, budget
 
 
-def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, blur, body, features, log, rows):
+def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows):
     """What becomes of a ball that has touched `item` at x, on the curve after `length` (s): an impact, or rest.
 
-    Returns its place, velocity and contacts, and the rows of the log filled.
+    Returns its place, velocity and contacts, the edge that it flies off if any, and the rows of the log filled.
     """
     surface = surface_of(features, item)
     normal = facing(features, item, x)
@@ -284,10 +291,13 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, blu
     else:
         if curved:
             x, _ = put_on(features, add(contacts, item, normal, False), x, body.radius)
-        if dot(v, normal) >= 0.0 and not curved:
+        flown = NONE
+        if dot(v, normal) >= -TOUCHING * norm(v) and flies_off(features, item, x, v, mover, normal):
+            flown = item
+        elif dot(v, normal) >= 0.0 and not curved:
             # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
             v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
-        if dot(v, normal) < 0.0:
+        if flown == NONE and dot(v, normal) < 0.0:
             v, vn, squared = rebound(v, normal, body.restitution, body.damping)
             lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
             s[LOST] += lost
@@ -300,7 +310,7 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, blu
         v = tangent(v, contacts)
         a = turn(features, x, v, mover)
         stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
-        if stays and not flies_off(features, item, x, v, a, normal):
+        if stays and not flies_off(features, item, x, v, mover, normal):
             ends = time_to_rest(v, a, normal, body.restitution)
             settled = s[RELEASED] + age + (ends if ends < np.inf else 0.0)
             contacts = add(contacts, item, normal, body.damping > 0.0)
@@ -314,4 +324,4 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, blu
             v = v1
         elif length == 0.0 and -4.0 * ROUNDING * norm(v) <= dot(v, normal) <= 0.0:
             v = axpy(4.0 * ROUNDING * norm(v), normal, v)  # else it might touch again at once, and again
-    return x, v, contacts, rows
+    return x, v, contacts, flown, rows

@@ -37,6 +37,14 @@ def bend(curve, s, end):
     return 2.0 * max(norm(axpy(3.0 * s, d, c)), norm(axpy(3.0 * end, d, c)))
 
 
+def series(curve, s, t):
+    """The coefficients (m) of x(s + u t) in powers of u, and how much (m) they leave out, of x and of its slope by u, where
+    0 <= u <= 1."""
+    _, _, c, d = curve
+    second, third = scale(t * t, axpy(3.0 * s, d, c)), scale(t * t * t, d)
+    return (point(curve, s), scale(t, slope(curve, s)), second, third), 0.0
+
+
 def seen_from(curve, p):
     """The curve of x - p."""
     x, v, c, d = curve

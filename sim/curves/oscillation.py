@@ -68,6 +68,24 @@ def bend(curve, s, end):
     return norm(a1) + w2 * norm(v1) * longest(w2, end - s)
 
 
+def series(curve, s, t):
+    """The `series` of the other curves, cut off. The n-th coefficient is at most b t/n times the last and w2 t^2/(n (n - 1)) times
+    the one before. So while (b + sqrt(w2)) t <= 1/2, of the larger of the last two here the next is at most 1/16, all that follow
+    make 1/12, and in the slope, n times each, 2/3."""
+    x, v, k, b, w2 = curve
+    p, q, _ = response(b, w2, s)
+    one = scale(t, slope(curve, s))
+    two = scale(0.5 * t, axpy(-b, one, scale(t, axpy(-w2, axpy(q, k, scale(p, v)), k))))
+    bt, wt = -b * t, -w2 * t * t
+    three = axpy(bt / 3.0, two, scale(wt / 6.0, one))
+    four = axpy(bt / 4.0, three, scale(wt / 12.0, two))
+    five = axpy(bt / 5.0, four, scale(wt / 20.0, three))
+    six = axpy(bt / 6.0, five, scale(wt / 30.0, four))
+    seven = axpy(bt / 7.0, six, scale(wt / 42.0, five))
+    rest = max(norm(six), norm(seven)) if (b + np.sqrt(w2)) * t <= 0.5 else np.inf
+    return (point(curve, s), one, two, three, four, five, six, seven), rest
+
+
 def longest(w2, t):
     """The largest |p| up to the time t."""
     return min(t, 1.0 / np.sqrt(w2)) if w2 > 0.0 else t

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.majorant import chord
-from sim.vector import across, axpy, dot, gap, norm, sub
+from sim.vector import across, axpy, dot, gap, norm, scale, sub
 
 
 def flight(x, v, k, b, w2):
@@ -22,6 +22,12 @@ def slope(curve, s):
 
 def bend(curve, s, end):
     return norm(curve[2])
+
+
+def series(curve, s, t):
+    """The coefficients (m) of x(s + u t) in powers of u, and how much (m) they leave out, of x and of its slope by u, where
+    0 <= u <= 1."""
+    return (point(curve, s), scale(t, slope(curve, s)), scale(0.5 * t * t, curve[2])), 0.0
 
 
 def seen_from(curve, p):

@@ -50,6 +50,16 @@ def bend(curve, s, end):
     return max(max(norm(first), norm(second)), max(norm(third), norm(last)))
 
 
+def series(curve, s, t):
+    """The coefficients (m) of x(s + u t) in powers of u, and how much (m) they leave out, of x and of its slope by u, where
+    0 <= u <= 1."""
+    _, _, c, d, e, f = curve
+    second = scale(t * t, axpy(s, axpy(s, axpy(s, scale(10.0, f), scale(6.0, e)), scale(3.0, d)), c))
+    third = scale(t * t * t, axpy(s, axpy(s, scale(10.0, f), scale(4.0, e)), d))
+    fourth, fifth = scale(t * t * t * t, axpy(5.0 * s, f, e)), scale(t * t * t * t * t, f)
+    return (point(curve, s), scale(t, slope(curve, s)), second, third, fourth, fifth), 0.0
+
+
 def seen_from(curve, p):
     """The curve of x - p."""
     x, v, c, d, e, f = curve

@@ -200,7 +200,8 @@ def grid(b, w2, step, n):
 
 
 def between(f, low, high):
-    return MANY.findroot(f, (low, high), solver="anderson", tol=1e-60, maxsteps=60, verify=False)
+    """The root of f between, to 1e-36 of the way: by halving, as a gap may have a kink where the ball gets past an edge's end."""
+    return MANY.findroot(f, (low, high), solver="bisect", tol=0, maxsteps=120, verify=False)
 
 
 def falls_along(gap, speed, g, dg, step, contact, least) -> Iterator:
