@@ -21,7 +21,7 @@ def clearance(features, search, x, radius, far):
         return min(far, among(features, search.found, len(search.found), x, radius, far))
     nearest = among(features, search.found, always, x, radius, far)
     still = (0.0, 0.0, 0.0)
-    count = along(features.tree, (x, still, still), 0.0, radius + far, search, always)
+    count = along(features.tree, (x, still, still), 0.0, radius + far, 0.0, search, always)
     return min(nearest, among(features, search.found[always:], count - always, x, radius, far))
 
 
