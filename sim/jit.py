@@ -100,7 +100,7 @@ def _is_kernel(value: Any) -> bool:
 LARGE = {
     *("advance", "travel", "fly", "hop", "look", "check", "onward", "response", "touch_edge", "beside", "onto_face", "onto_edge"),
     *("slide_around", "turn", "arc", "passes_out", "slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing"),
-    *("put_on", "meets"),
+    *("put_on", "meets", "coast", "stride", "commit", "is_free"),
 }
 
 
