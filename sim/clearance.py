@@ -1,6 +1,9 @@
 """How far a ball may go for sure before it can touch anything: what spares a method with small steps most of its searches."""
 
+import numpy as np
+
 from sim.curves.parabola import bend, slope  # bound to the curve's own before they are compiled
+from sim.forces import HIGH, LOW
 from sim.packed import from_edge, height
 from sim.tree import along
 from sim.vector import norm
@@ -21,8 +24,19 @@ def clearance(features, search, x, radius, far):
         return min(far, among(features, search.found, len(search.found), x, radius, far))
     nearest = among(features, search.found, always, x, radius, far)
     still = (0.0, 0.0, 0.0)
-    count = along(features.tree, (x, still, still), 0.0, radius + far, search, always)
+    count = along(features.tree, (x, still, still), 0.0, radius + far, 0.0, search, always)
     return min(nearest, among(features, search.found[always:], count - always, x, radius, far))
+
+
+def region_clearance(x, forces):
+    """A lower bound (m) of the distance of a centre at x (m) to all faces of regions, inf if there is none."""
+    nearest = np.inf
+    for f in range(len(forces.selective)):
+        for k in range(3):
+            for limit in (LOW, HIGH):
+                distance = abs(x[k] - forces.selective[f, limit + k]) * (1.0 - SURE)
+                nearest = min(nearest, distance)
+    return nearest
 
 
 def among(features, found, near, x, radius, far):

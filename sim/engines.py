@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim import advance, forces, integrators, jit, lanes, motion, state, travel
+from sim import advance, coast, forces, integrators, jit, lanes, motion, state, travel
 from sim.curves import majorant
 from sim.hop import hop_room
 from sim.tree import search_room
@@ -85,8 +85,13 @@ class Swept:
         # a method of first order cannot tell a hop of a few steps from rest
         blur = 4 * self.dt if claims and claims.order == 1 else 0.0
         search = search_room(len(features.faces) + len(features.edges))
-        self.given = float(solver.tolerance), blur, body, packed, features, search, hop_room()
-        self.kernel = jit.bind(travel.travel, **bindings(solver.method, packed))
+        self.given = float(solver.tolerance), blur, body, packed, features, search
+        if solver.stepping:
+            self.given += (coast.coast_room(),)
+            self.kernel = jit.bind(coast.coast, **bindings(solver.method, packed))
+        else:
+            self.given += (hop_room(),)
+            self.kernel = jit.bind(travel.travel, **bindings(solver.method, packed))
 
     def parts(self) -> list:
         states = state.depart_states(self.balls, self.duration, self.dt)

@@ -32,6 +32,8 @@ class Edges(NamedTuple):
     along: np.ndarray  # (m, 3) unit
     length: np.ndarray  # (m,) m
     surface: np.ndarray  # (m,) index of the surface it belongs to
+    normal: np.ndarray  # (m, 3) float32 unit, to where it sticks out; zero where that is not known
+    spread: np.ndarray  # (m,) float32, the sine of the largest angle between the normal and the direction of a touch
 
 
 class Features(NamedTuple):

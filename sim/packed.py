@@ -75,7 +75,7 @@ def covers(faces, outline, f, x):
 def ahead(features, x, direction, reach, search):
     """Write into `search.found` what x + s * direction, 0 <= s <= reach, may pass through; how many they are."""
     path = x, direction, (0.0, 0.0, 0.0)
-    return along(features.tree, path, reach, 0.0, search, features.everywhere)
+    return along(features.tree, path, reach, 0.0, 0.0, search, features.everywhere)
 
 
 def from_edge(edges, e, x):

@@ -26,7 +26,7 @@ def count_passed(curve, features, search, radius, end, near):
     while s < end:
         length, path, margin = piece(curve, s, end, WIDE * radius)
         s += length
-        near = along(features.tree, path, length, margin, search, always) - always
+        near = along(features.tree, path, length, 0.0, margin, search, always) - always
         # a face that two pieces come near is counted in the one that gets behind it
         count += count_among(curve, features.faces, features.outline, search.found[always:], near, point(curve, s), s)
     return count

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.cones import corner_cones, edge_normals, spreads
 from sim.geometry import EDGE, Edges, Faces, Features, height
 from sim.inside import distances, sides
 from sim.sheet import Sheet, folds, merge, portions, sheet, straighten
-from sim.tree import Tree, build
+from sim.tree import FACE, Tree, build
 
 # With so few faces and edges, looking at every one is faster than walking a tree.
 FEW = 32
@@ -69,7 +70,7 @@ def features(shapes: Sequence, starts: np.ndarray, reduce: bool = True, edges: b
     faces, kept = _join(faces), _join(kept)
     low, high = (np.concatenate([*boxes, kept.start])[everywhere:] for boxes in (low, high))
     del built  # of a million triangles each form takes a hundred megabytes or more
-    tree = _tree(kept, low, high, everywhere)
+    tree = _tree(faces, kept, low, high, everywhere)
     del low, high
     # in the order of the tree, so that what is near in space is near in memory
     if len(tree.items):
@@ -109,7 +110,7 @@ def _is_room(faces: Faces, starts: np.ndarray) -> bool:
     )
 
 
-def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:
+def _tree(faces: Faces, edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:
     """The tree over boxes `low` to `high` (n, 3) m of faces, and of edges of which only the start is in them so far; none over
     few. The boxes are overwritten."""
     if everywhere + len(low) <= FEW:
@@ -125,9 +126,20 @@ def _tree(edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> T
     margin *= 8 * EDGE
     low -= margin[:, None]
     high += margin[:, None]
-    tree = build(low, high)
+    tree = build(low, high, _planes(faces, edges)[everywhere:])
     tree.items[:] += everywhere
     return tree
+
+
+def _planes(faces: Faces, edges: Edges) -> np.ndarray:
+    """The planes (n + m, 5) of n faces and m edges, for the tree."""
+    n = len(faces.axis)
+    planes = np.empty((n + len(edges.length), 5), np.float32)
+    planes[:n, :3], planes[n:, :3] = faces.normal, edges.normal
+    planes[:n, 3] = np.sum(faces.normal * faces.point, axis=1)
+    planes[n:, 3] = np.sum(edges.normal * edges.start, axis=1)
+    planes[:n, 4], planes[n:, 4] = FACE, edges.spread
+    return planes
 
 
 def _picked(faces: Faces, which: np.ndarray) -> Faces:
@@ -172,7 +184,6 @@ def _surface(shape, number: int, starts: np.ndarray, reduce: bool, edges: bool) 
     one, other = whole.pairs.T
 
     inner = reduce & alike & (side[one // 3] * rise > whole.rounding)
-    del rise
     flat &= reduce & onward & (alike | shape.two_sided)
     while True:
         first, normal, face, sign = merge(whole, flat)
@@ -185,11 +196,18 @@ def _surface(shape, number: int, starts: np.ndarray, reduce: bool, edges: bool) 
     inner &= ~level
 
     out = ~level & ~inner
+    open_ = len(whole.border) + len(whole.crowded)
     kept = np.concatenate([whole.border, whole.crowded, one[out]])
     beyond = np.concatenate([np.full(len(whole.border), -1), np.full(len(whole.crowded), -2), face[other[out] // 3]])
     lines, corners = NOTHING.edges, 0
     if edges:
-        lines, corners = _edges(whole, kept, sign[kept // 3] < 0, face[kept // 3], beyond, number, reduce)
+        wound = np.where(side[first] < 0, -normal.T, normal.T).T.astype(np.float32)[face] * sign.astype(np.float32)[:, None]
+        strange = np.concatenate([kept[:open_], one[~alike]])
+        outward = np.zeros((len(kept), 3), np.float32)
+        known = alike[out] & (np.abs(rise[out]) > whole.rounding)
+        outward[open_:][known] = edge_normals(wound[one[out][known] // 3], wound[other[out][known] // 3], rise[out][known] < 0)
+        cones = corner_cones(whole, wound, strange)
+        lines, corners = _edges(whole, kept, sign[kept // 3] < 0, face[kept // 3], beyond, outward, cones, number, reduce)
     reduction = Reduction(
         triangles=len(mesh.triangles),
         degenerate=degenerate,
@@ -266,9 +284,9 @@ def _double(whole: Sheet, faces: Faces, face: np.ndarray) -> np.ndarray:
     return np.unique(face[some[distances(faces, face[some], middle) > 4 * whole.rounding]])
 
 
-def _edges(whole: Sheet, kept, turned, here, beyond, number: int, reduce: bool) -> tuple[Edges, int]:
+def _edges(whole: Sheet, kept, turned, here, beyond, normal, cones, number: int, reduce: bool) -> tuple[Edges, int]:
     """The edges of sides `kept` (k,) between faces `here` and `beyond`, made one where they go straight on, and the count of
-    their distinct ends. `turned` tells which sides run against the winding of the face `here`."""
+    their distinct ends. `turned` tells which sides run against the winding of the face `here`, `normal` (k, 3) how they stick out."""
     a, b = whole.start[kept], whole.end[kept]
     if reduce:
         # run all edges between two faces the same way, along the outline of the one
@@ -284,20 +302,21 @@ def _edges(whole: Sheet, kept, turned, here, beyond, number: int, reduce: bool) 
         stays = np.ones(len(a), bool)
         stays[lone] = False
         stays[lone[line]] = True
-        a, b = a[stays], b[stays]
+        a, b, normal = a[stays], b[stays], normal[stays]
     start, way = whole.vertices[a], whole.vertices[b] - whole.vertices[a]
     length = np.linalg.norm(way, axis=1)
     way /= length[:, None]
     corner = np.zeros(len(whole.vertices), bool)
     corner[a] = corner[b] = True
-    return Edges(start, way, length, np.full(len(a), number)), int(corner.sum())
+    spread = spreads(normal, (a, b), cones)
+    return Edges(start, way, length, np.full(len(a), number), normal, spread), int(corner.sum())
 
 
 NO_OUTLINE = np.zeros((0, 4))
 NO_ROWS, NO_NUMBER = np.zeros((0, 3)), np.zeros(0, np.int64)
 NOTHING = Part(
     Faces(NO_ROWS, NO_ROWS, np.zeros(0, bool), NO_NUMBER, NO_NUMBER, np.zeros(1, np.int64), NO_OUTLINE),
-    Edges(NO_ROWS, NO_ROWS, np.zeros(0), NO_NUMBER),
+    Edges(NO_ROWS, NO_ROWS, np.zeros(0), NO_NUMBER, NO_ROWS.astype(np.float32), np.zeros(0, np.float32)),
     NO_ROWS,
     NO_ROWS,
 )

@@ -49,7 +49,8 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     s, count = end if few else 0.0, always
     while s < best:
         length, path, margin = piece(curve, s, best, OFF * radius)
-        ray, top = cast(path, length, (radius + margin) * (1.0 + SLACK)), enter(tree, search)
+        ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
+        top = enter(tree, search)
         count = always
         while top > 0:
             first = count
@@ -117,7 +118,7 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
         i = found[c]
         if i >= n:
             continue
-        till = begin + search.until[c]
+        since, till = begin + times[c], begin + search.until[c]
         if contacts.count > 0 and lies_on(curve, faces, features.edges, i, radius, contacts):
             times[c] = np.inf
             continue
@@ -128,7 +129,9 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
         times[c] = touch_side(curve, faces, i, 1.0, radius, best, i == left)
         if faces[i, SIDES] > 1.0:
             times[c] = min(times[c], touch_side(curve, faces, i, -1.0, radius, best, i == left))
-        if times[c] > till:  # on the face's plane, but not on it
+        if times[c] < since:  # on the face's plane, but not on it yet
+            times[c] = falls_again(curve, faces, i, radius, times[c], best)
+        if times[c] > till:  # or no more
             times[c] = np.inf
     while True:
         soonest, upcoming = rank(best, item, n), NONE
@@ -142,10 +145,15 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
         i, s = found[upcoming], times[upcoming]
         if lands(curve, faces, features.outline, i, s):
             return i, s
-        # it comes down beside the face, and may come again
-        times[upcoming] = fall(plane_gap(curve, faces, i, 1.0, radius), s, best, True)
-        if faces[i, SIDES] > 1.0:
-            times[upcoming] = min(times[upcoming], fall(plane_gap(curve, faces, i, -1.0, radius), s, best, True))
+        times[upcoming] = falls_again(curve, faces, i, radius, s, best)  # it comes down beside the face
+
+
+def falls_again(curve, faces, f, radius, s, end):
+    """When (s) a ball that comes down on the plane of face f at s does so again."""
+    again = fall(plane_gap(curve, faces, f, 1.0, radius), s, end, True)
+    if faces[f, SIDES] > 1.0:
+        again = min(again, fall(plane_gap(curve, faces, f, -1.0, radius), s, end, True))
+    return again
 
 
 def lies_on(curve, faces, edges, i, radius, contacts):

@@ -114,7 +114,7 @@ def travel(states, first, tolerance, blur, body, forces, features, search, lanes
 
 
 def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, search, record, log, rows, budget):
-    """Move ball i through all frames; with `hopping` only until it may hop again, which is READY.
+    """Move ball i through all frames; with `hopping` only until it may hop again, or coast, which is READY.
 
     Returns (how it ended, rows of the log filled, what is left of the budget).
     """
@@ -238,6 +238,9 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             contacts, item = without(contacts, item), contacts.items[item]
         changed = what == FACE or age == switch
         if what == NOTHING and not curved and not changed:
+            if SMALL_STEPS and hopping and free and contacts.count == 0:
+                how = READY
+                break
             continue
         if what == OFF:
             left = item
@@ -253,7 +256,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         if not count_event(s, age):
             how = STALLED
             break
-        if hopping and contacts.count == 0 and left == NONE:
+        if HOPS and hopping and contacts.count == 0 and left == NONE:
             how = READY
             break
 

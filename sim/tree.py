@@ -1,8 +1,8 @@
 """A bounding volume hierarchy: which of many boxes does a segment of a line pass through?
 
-The boxes are sorted along a Morton curve, each WIDE of them in a row make a group, each WIDE groups one on the level above, and
-so on to a single one (Lauterbach et al. 2009, doi:10.1111/j.1467-8659.2009.01377.x; the boxes of a group side by side, so that
-vector instructions test them at once, Wald et al. 2008, doi:10.1109/RT.2008.4634620).
+The boxes are halved again and again, WIDE of them make a group, WIDE groups one on the level above, and so on to a single one; the
+boxes of a group are side by side, so that vector instructions test them at once (Wald et al. 2008,
+doi:10.1109/RT.2008.4634620).
 """
 
 from __future__ import annotations
@@ -11,58 +11,90 @@ from typing import NamedTuple
 
 import numpy as np
 
-WIDE = 8  # boxes in a group
-STACK = 512  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
-TINY, HUGE = 1e-150, 1e150
+WIDE = 16  # boxes in a group
+DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
+TINY, HUGE = 1e-30, 1e30
+SINGLE = np.float32(8 * np.finfo(np.float32).eps)  # what is known of a place in single precision, as a share of its coordinates
+EARLY, LATE = np.float32(1 - 1e-6), np.float32(1 + 1e-6)
+NEVER, NONE, HALF, ONE = np.float32(-1.0), np.float32(0.0), np.float32(0.5), np.float32(1.0)
+
+# The last row of planes: the sine of the largest angle between the normal and the direction of a touch. Of a face it is none, though
+# that may have two sides; ANY where no angle is too large.
+FACE, ANY = np.float32(0.0), np.float32(2.0)
 
 
 class Tree(NamedTuple):
     box: np.ndarray  # (groups, 6, WIDE) float32 m, lower and upper corners, rounded outward; (inf, -inf) where there is none
+    plane: np.ndarray  # (lowest groups, 5, WIDE) float32, of the items, as `build` gets them
     items: np.ndarray  # (boxes,) the boxes in the order of the lowest groups; none: no tree
     level: np.ndarray  # (levels + 1,) number of the first group on each level, the lowest first
+    extent: float  # m, the largest coordinate of all boxes
 
 
-def spread_bits(n: np.ndarray) -> np.ndarray:
-    """The 21 low bits of n, two zeros between each and the next."""
-    n = n.astype(np.uint64)
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        n = (n | (n << np.uint64(shift))) & np.uint64(mask)
-    return n
+def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) -> Tree:
+    """The tree over bounded boxes with corners `low` and `high` (n, 3) m of flat items in the planes (n, 5): a unit normal, its offset
+    (m) from the origin, and FACE, or for an edge the sine of the largest angle to the normal at which a ball touches it.
 
-
-def build(low: np.ndarray, high: np.ndarray) -> Tree:
-    """The tree over bounded boxes with corners `low` and `high` (n, 3)."""
+    Without `plane` a box is all that is known of an item.
+    """
     n = len(low)
     if n == 0:
-        return Tree(np.zeros((0, 6, WIDE), np.float32), np.zeros(0, np.int64), np.zeros(1, np.int64))
-    origin = low.min(axis=0)
-    span = max(np.max(high.max(axis=0) - origin), np.finfo(float).tiny)
-    code = np.zeros(n, np.uint64)
-    for k in range(3):
-        middle = 0.5 * (low[:, k] - origin[k]) + 0.5 * (high[:, k] - origin[k])
-        code |= spread_bits(middle / span * (2**21 - 1)) << np.uint64(k)
-    order = np.argsort(code, kind="stable")
-
+        return Tree(*(np.zeros((0, k, WIDE), np.float32) for k in (6, 5)), np.zeros(0, np.int64), np.zeros(1, np.int64), 0.0)
+    order = halved(low, high)
     sizes = [-(-n // WIDE)]
     while sizes[-1] > 1:
         sizes.append(-(-sizes[-1] // WIDE))
     level = np.append(0, np.cumsum(sizes))
     box = np.empty((level[-1], 6, WIDE), np.float32)
-    for row, corners, empty, join in ((0, low, np.inf, np.minimum), (3, high, -np.inf, np.maximum)):
+    below = [outward(corners[order, k], far) for corners, far in ((low, np.inf), (high, -np.inf)) for k in range(3)]
+    for begin, size in zip(level, sizes):
+        groups = slice(begin, begin + size)
+        for k in range(6):
+            join, empty = (np.minimum, np.inf) if k < 3 else (np.maximum, -np.inf)
+            box[groups, k] = grouped(below[k], size, empty)
+            below[k] = join.reduce(box[groups, k], axis=1)
+    planes = np.zeros((sizes[0], 5, WIDE), np.float32)
+    planes[:, 4] = ANY
+    if plane is not None:
+        for k in range(5):
+            planes[:, k] = grouped(plane[order, k], sizes[0], 0.0)
+    return Tree(box, planes, order, level, float(max(np.abs(low).max(), np.abs(high).max())))
+
+
+def halved(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """An order of the boxes (n, 3) m in which those of a group are near each other: all are halved by their middles along the axis in
+    which these are farthest apart, and so are the halves, down to groups; a first half is full.
+
+    The boxes are sorted along each axis once, and each half keeps that order.
+    """
+    n, size = len(low), WIDE
+    while size < n:
+        size *= 2
+    middle = np.full((3, size), np.inf, np.float32)
+    middle[:, :n] = (0.5 * low + 0.5 * high).T
+    sorted_ = [np.argsort(along, kind="stable").astype(np.int32) for along in middle]
+    beyond = np.empty(size, bool)
+    while size > WIDE:
+        parts = -(-n // size)
+        rows = [each[: parts * size].reshape(parts, size) for each in sorted_]
+        last = np.minimum(size, n - size * np.arange(parts)) - 1
+        extent = [along[row[np.arange(parts), last]] - along[row[:, 0]] for along, row in zip(middle, rows)]
+        axis = np.argmax(extent, axis=0)
         for k in range(3):
-            edge = outward(corners[order, k], empty)
-            for begin, size in zip(level, sizes):
-                padded = np.full(size * WIDE, empty, np.float32)
-                padded[: len(edge)] = edge
-                box[begin : begin + size, row + k] = padded.reshape(size, WIDE)
-                edge = join.reduce(box[begin : begin + size, row + k], axis=1)
-    return Tree(box, order, level)
+            mine = rows[k][axis == k]
+            beyond[mine[:, : size // 2]], beyond[mine[:, size // 2 :]] = False, True
+        for k in range(3):
+            second = beyond[rows[k]]
+            sorted_[k] = np.stack([rows[k][which].reshape(parts, -1) for which in (~second, second)], axis=1).ravel()
+        size //= 2
+    return sorted_[0][sorted_[0] < n].astype(np.int64)
+
+
+def grouped(column: np.ndarray, size: int, empty: float) -> np.ndarray:
+    """The column (n,) as `size` rows of WIDE, `empty` at the end."""
+    padded = np.full(size * WIDE, empty, np.float32)
+    padded[: len(column)] = column
+    return padded.reshape(size, WIDE)
 
 
 def outward(values: np.ndarray, far: float) -> np.ndarray:
@@ -79,26 +111,27 @@ class Search(NamedTuple):
     found: np.ndarray  # items to look at
     times: np.ndarray  # s, from when; later, when one is touched
     until: np.ndarray  # s
-    stack: np.ndarray  # (2 STACK,) level and number of the groups that wait to be looked at
-    waits: np.ndarray  # (STACK,) s, when the path comes to them
-    stay: np.ndarray  # (2 WIDE,) s, when the path comes to each box of a group, and when it leaves them
+    stack: np.ndarray  # (2 DEEP,) level and number of the groups that wait to be looked at
+    waits: np.ndarray  # (DEEP,) float32 s, when the path comes to them
+    stay: np.ndarray  # (2 WIDE,) float32 s, when the path comes to each box of a group, and when it leaves them
 
 
 def search_room(n: int) -> Search:
     """For n items, all of them found."""
-    stack = np.zeros(2 * STACK, np.int64), np.zeros(STACK), np.zeros(2 * WIDE)
+    stack = np.zeros(2 * DEEP, np.int64), np.zeros(DEEP, np.float32), np.zeros(2 * WIDE, np.float32)
     return Search(np.arange(n), np.zeros(n), np.full(n, np.inf), *stack)
 
 
-def along(tree, path, reach, margin, search, first):
-    """Find the items whose box the path may come within `margin` (m) of on each axis in the time `reach` (s), see `cast`.
+def along(tree, path, reach, radius, margin, search, first):
+    """Find the items that a ball of `radius` (m) no farther than `margin` (m) from the path may touch in the time `reach` (s), see
+    `cast`.
 
     They are written into `search.found` from place `first` on; returns the place after them. Without a tree nothing is done,
     and all of `found` counts.
     """
     if len(tree.items) == 0:
         return len(search.found)
-    ray, top = cast(path, reach, margin), enter(tree, search)
+    ray, top = cast(path, reach, radius, margin, False, tree.extent), enter(tree, search)
     while top > 0:
         top, first = onward(tree, ray, reach, search, top, first)
     return first
@@ -116,20 +149,22 @@ def onward(tree, ray, reach, search, top, first):
     They are written into `search.found` from place `first` on, with the times between which it may be there. Returns how many
     groups are left on the stack, none at the end, and the place after the items.
     """
-    box, items, level = tree.box, tree.items, tree.level
     found, since, until, stack, waits, stay = search
+    reach = later(reach)
     while top > 0:
         top -= 1
         if waits[top] > reach:
             continue
         depth, group, bottom, last = stack[2 * top], stack[2 * top + 1], top, first
-        meet(box, level[depth] + group, ray, reach, stay)
+        meet(tree.box, tree.level[depth] + group, ray, reach, stay)
+        if depth == 0:
+            sieve(tree.box, tree.plane, group, ray, stay)
         for c in range(WIDE):
             near, far, child = stay[c], stay[WIDE + c], WIDE * group + c
-            if near > far * (1.0 + 1e-9):  # a box too many costs time, one too few an answer
+            if near > far:
                 continue
             if depth == 0:
-                found[last], since[last], until[last] = items[child], near, far
+                found[last], since[last], until[last] = tree.items[child], near, far
                 last += 1
                 continue
             place = top
@@ -144,61 +179,124 @@ def onward(tree, ray, reach, search, top, first):
     return 0, first
 
 
-def cast(path, reach, margin):
-    """What the path x + v t + k t^2/2 is to boxes that it may come within `margin` (m) of until `reach` (s): the axes, the
-    curved one last, straight paths along each, and the curve. At most one part of k is not zero."""
+class Ray(NamedTuple):
+    """What a path is to boxes and planes, in single precision: enough to tell what need not be looked at, if what it rounds is
+    allowed for."""
+
+    axes: tuple  # the curved one last
+    x: tuple  # float32 m, where it starts, along each of these axes
+    v: tuple  # float32 m/s
+    k: float  # float32 m/s^2, along the last
+    inverse: tuple  # float32 s/m, 1/v
+    radius: float  # float32 m, of the ball
+    margin: float  # float32 m, how far it may be off the path
+    slack: float  # float32 m, the margin and how well places are known
+    fuzz: float  # float32 m, how well heights are known
+    climb: float  # float32 m: a ball that gets so much higher over a face does not touch it; infinite where it may be off the path
+
+
+def cast(path, reach, radius, margin, slides, extent):
+    """The Ray of a ball of `radius` (m) no farther than `margin` (m) from the path x + v t + k t^2/2 until `reach` (s). At most one
+    part of k is not zero. A ball that `slides` comes onto surfaces from beside, at any height. No box has a coordinate larger
+    than `extent` (m)."""
     x, v, k = path
     last = 0 if k[0] != 0.0 else (1 if k[1] != 0.0 else 2)
     i, j = (last + 1) % 3, (last + 2) % 3
-    slabs = slab(x[i], v[i], 0.0, margin), slab(x[j], v[j], 0.0, margin), slab(x[last], v[last], k[last], margin)
-    return (i, j, last), slabs, arch(x[last], v[last], k[last], reach, margin)
+    size = max(abs(x[0]), max(abs(x[1]), abs(x[2])))
+    speed, pull = max(abs(v[0]), max(abs(v[1]), abs(v[2]))), abs(k[last])
+    out = size + extent  # as far as it can be from all boxes for good
+    if pull > 0.0:
+        reach = min(reach, (speed + np.sqrt(speed * speed + 2.0 * pull * out)) / pull)
+    else:
+        reach = min(reach, out / speed) if speed > 0.0 else 0.0
+    fuzz = SINGLE * (size + reach * (speed + 0.5 * reach * pull))
+    return Ray(
+        (i, j, last),
+        (np.float32(x[i]), np.float32(x[j]), np.float32(x[last])),
+        (np.float32(v[i]), np.float32(v[j]), np.float32(v[last])),
+        np.float32(k[last]),
+        (inverse(v[i]), inverse(v[j]), inverse(v[last])),
+        np.float32(radius),
+        np.float32(margin),
+        np.float32(margin + SINGLE * size),
+        np.float32(np.inf if slides else fuzz),
+        np.float32(2.0 * fuzz if margin == 0.0 else np.inf),
+    )
 
 
-def slab(x, v, k, margin):
-    """How to tell the times at which x + v t is beside a box: 1/v, and the ends by which it comes and goes. A path that is
-    not straight has 1/v = 0: it may be there always."""
-    inverse = 1.0 / v if abs(v) > TINY else HUGE  # not infinite, which makes NaN with 0
-    front, rear = (x + margin, x - margin) if inverse > 0.0 else (x - margin, x + margin)
-    return inverse if k == 0.0 else 0.0, front, rear
+def inverse(v):
+    """1/v (s/m), and never infinite, which makes NaN with 0."""
+    return np.float32(1.0 / v if abs(v) > TINY else HUGE)
 
 
-def arch(x, v, k, reach, margin):
-    """The path x + v t + k t^2/2, when and where it turns, and how near to a box counts, rounding included."""
-    if k == 0.0:
-        return x, v, k, -1.0, x, margin
-    return x, v, k, -v / k, x - 0.5 * v * v / k, margin + 1e-14 * (abs(x) + reach * (abs(v) + reach * abs(k)))
+def later(t):
+    """A time (s) in single precision that is not before t."""
+    return np.float32(t) * LATE
 
 
 def meet(box, g, ray, reach, stay):
     """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
-    (i, j, last), slabs, bow = ray
+    i, j, last = ray.axes
+    beside = ray.radius + ray.slack
     for c in range(box.shape[2]):  # of no length known in advance and with one array written: so it becomes vector instructions
-        near, far = within(float(box[g, i, c]), float(box[g, i + 3, c]), slabs[0], 0.0, reach)
-        near, far = within(float(box[g, j, c]), float(box[g, j + 3, c]), slabs[1], near, far)
-        low, high = float(box[g, last, c]), float(box[g, last + 3, c])
-        near, far = within(low, high, slabs[2], near, far)
-        stay[c] = near
-        stay[WIDE + c] = far if passes(low, high, bow, near, far) else -1.0
+        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
+        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
+        stay[c], stay[WIDE + c] = near * EARLY, far * LATE
+    x, v, k = ray.x[2], ray.v[2], ray.k
+    if k == NONE:
+        for c in range(box.shape[2]):
+            near, far = within(box[g, last, c], box[g, last + 3, c], x, ray.inverse[2], beside, stay[c], stay[WIDE + c])
+            stay[c], stay[WIDE + c] = near * EARLY, far * LATE
+        return
+    turn, beside = -v / k, beside + ray.fuzz
+    peak = x + HALF * v * turn
+    for c in range(box.shape[2]):
+        near, far = stay[c], stay[WIDE + c]
+        a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
+        turns = (near < turn) & (turn < far)
+        least, most = min(a, b), max(a, b)
+        least, most = min(least, peak) if turns else least, max(most, peak) if turns else most
+        misses = (least > box[g, last + 3, c] + beside) | (most < box[g, last, c] - beside)
+        stay[WIDE + c] = NEVER if misses else far
 
 
-def within(low, high, slab, near, far):
+def within(low, high, x, inverse, beside, near, far):
     """The part of the times `near` to `far` (s) at which a straight path is between `low` and `high` (m)."""
-    inverse, front, rear = slab
-    entry, exit = (low, high) if inverse > 0.0 else (high, low)
-    a, b = (entry - front) * inverse, (exit - rear) * inverse
-    b = b if inverse != 0.0 else far
+    a, b = (low - beside - x) * inverse, (high + beside - x) * inverse
+    a, b = (a, b) if inverse > NONE else (b, a)
     return a if a > near else near, b if b < far else far
 
 
-def passes(low, high, bow, near, far):
-    """Whether a path comes between `low` and `high` (m) in the times from `near` to `far` (s); a straight one is known to."""
-    x, v, k, turn, peak, margin = bow
-    a, b = x + near * (v + 0.5 * near * k), x + far * (v + 0.5 * far * k)
-    least, most = (a, b) if a < b else (b, a)
-    turns = (near < turn) & (turn < far)
-    least = peak if turns & (peak < least) else least
-    most = peak if turns & (peak > most) else most
-    return (k == 0.0) | ((least <= high + margin) & (most >= low - margin))
+def sieve(box, plane, g, ray, stay):
+    """Mark those items of the lowest group g as left before the ray comes of which it is plain that it does not touch them in the
+    time that it is at their boxes: by its height over their planes.
+
+    That is a quadratic of time, which stays between the least and the most of its control points. A ball touches a face where
+    it comes down on it, so not where it only rises. And since it touches along the plane's normal, but for a certain angle, it
+    is so high over an edge as the cosine of that tells, and no farther beside any box than the normal points that way.
+    """
+    i, j, last = ray.axes
+    for c in range(plane.shape[2]):
+        n, m, u, offset, sine = plane[g, i, c], plane[g, j, c], plane[g, last, c], plane[g, 3, c], plane[g, 4, c]
+        face = sine == FACE
+        aside, beside = ray.radius * min(abs(n) + sine, ONE), ray.radius * min(abs(m) + sine, ONE)
+        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], aside + ray.slack, stay[c], stay[WIDE + c])
+        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
+        gone = near * EARLY > far * LATE
+        span = far - near
+        h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1])
+        h += u * (ray.x[2] + near * (ray.v[2] + HALF * near * ray.k)) - offset
+        rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (ray.v[2] + near * ray.k))
+        middle = h + rise
+        end = middle + rise + HALF * span * span * u * ray.k
+        least, most = min(min(h, end), middle), max(max(h, end), middle)
+        fuzz = ray.fuzz + SINGLE * abs(offset)
+        above = least > ray.radius + ray.margin + fuzz
+        cosine = -ONE if face else ONE - sine * sine  # at most
+        below = most < cosine * ray.radius - ray.margin - fuzz
+        away = (h > fuzz) & (rise > ray.climb + fuzz) & (end > middle)
+        back = (h < -fuzz) & (rise < -ray.climb - fuzz) & (end < middle)
+        stay[WIDE + c] = NEVER if gone | above | below | (face & (away | back)) else far
 
 
 def overlapping(tree: Tree, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,12 +10,16 @@ SMALL_STEPS = True  # most touch nothing
 
 
 def goal(age, limit, dt):
-    slack = ROUNDING * limit
+    grid = steps_to_come(age, limit, dt) * dt
+    return grid if grid < limit - ROUNDING * limit else limit
+
+
+def steps_to_come(age, limit, dt):
+    """The age at the end of the step that begins at `age` (s), in steps dt (s); what is but rounding of ages up to `limit` is none."""
     n = np.floor(age / dt)
-    if (n + 1) * dt - age <= slack:
+    if (n + 1) * dt - age <= ROUNDING * limit:
         n += 1
-    grid = (n + 1) * dt
-    return grid if grid < limit - slack else limit
+    return n + 1
 
 
 def depart(h, dt, tolerance, age, x, v, a, motion):
