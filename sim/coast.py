@@ -34,11 +34,12 @@ REACH = 33 * LANES  # m that it goes in the step at most
 LOOK = 34 * LANES  # ways of a step, how far to look around next
 MOVES = 35 * LANES  # 1 where the step can be taken
 BALL = 36 * LANES  # its row of the states; NONE in a lane without a ball
-WORKED, TAKEN = 37 * LANES, 38 * LANES  # J, steps: since it came into the lane
+WORKED = 37 * LANES  # J, done on the ball since its release
+TAKEN = 38 * LANES  # steps since it came into the lane
 ROWS = 39
 
-FEW = 6
-FARTHEST = 1024.0  # ways of a step to look around at the most
+FEW = 6  # balls that fly one by one
+FARTHEST = 64.0  # ways of a step to look around at the most; twice as many and a search takes longer than it spares
 
 
 def coast_room() -> np.ndarray:
@@ -52,15 +53,15 @@ def coast(states, first, tolerance, blur, body, forces, features, search, lanes,
     width, upcoming, how = min(len(states), LANES), 0, DONE
     for i in range(LANES):
         lanes[BALL + i], lanes[CLEAR + i] = NONE, 0.0
-    if width < FEW:  # balls: one by one they are faster
-        for ball in range(width):
+    if len(states) < FEW:
+        for ball in range(len(states)):
             if states[ball, FRAME] < len(record.time):
                 how, rows, budget = fly(
                     states, ball, first + ball, False, tolerance, blur, body, forces, features, search, record, log, rows, budget
                 )
                 if how != DONE:
                     return how, ball, rows
-        return DONE, width, rows
+        return DONE, len(states), rows
     while True:
         moving, aboard = stride(lanes, dt), 0
         for i in range(width if moving < width else 0):
@@ -176,7 +177,7 @@ def is_free(lanes, i, dt, states, first, body, forces, features, search, record)
     while lanes[DUE + i] < aim:
         t = max(lanes[DUE + i] - lanes[CLOCK + i], 0.0)
         xt, vt = step(t, lanes[CLOCK + i], x, v, mover_in(lanes, i))
-        done = s[WORK] + lanes[WORKED + i] + work_in(lanes, i, t, xt, vt, body.mass)
+        done = lanes[WORKED + i] + work_in(lanes, i, t, xt, vt, body.mass)
         if not fill(record, int(s[FRAME]), first + int(lanes[BALL + i]), xt, vt, done, s[LOST]):
             return False
         s[FRAME] += 1.0
@@ -208,7 +209,7 @@ def board(states, lanes, i, ball, dt, forces, record):
     lanes[CLOCK + i], lanes[GRID + i] = age, steps_to_come(age, limit, dt)
     lanes[LAST + i], lanes[DUE + i] = limit - ROUNDING * limit, next_frame(s, record)
     lanes[CLEAR + i], lanes[LOOK + i], lanes[MOVES + i] = 0.0, AHEAD, 0.0
-    lanes[BALL + i], lanes[WORKED + i], lanes[TAKEN + i] = ball, 0.0, 0.0
+    lanes[BALL + i], lanes[WORKED + i], lanes[TAKEN + i] = ball, s[WORK], 0.0
 
 
 def mover_in(lanes, i):
@@ -230,7 +231,7 @@ def leave(states, lanes, i):
     for k in range(6):
         s[X + k] = lanes[PLACE + k * LANES + i]
     s[AGE] = lanes[CLOCK + i]
-    s[WORK] += lanes[WORKED + i]
+    s[WORK] = lanes[WORKED + i]
     s[STEPS] += lanes[TAKEN + i]
 
 
