@@ -6,13 +6,13 @@ import json
 import os
 import shutil
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from runner import claims
+
 RUNS, EXPERIMENT, PROVENANCE, SUMMARY, RUN = "runs", "experiment.yaml", "provenance.json", "summary", "run.json"
-ASIDE = ".aside-"
+ASIDE, CHARTS = ".aside", "charts"
 
 
 def run_folder(folder: Path, run_id: str) -> Path:
@@ -47,7 +47,7 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_with(path: Path, write) -> None:
     """Let `write(aside)` make a file, then give it its name."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside = path.with_name(f".{path.name}.{socket.gethostname()}-{os.getpid()}")
     try:
         write(aside)
         os.replace(aside, path)
@@ -55,24 +55,14 @@ def write_with(path: Path, write) -> None:
         aside.unlink(missing_ok=True)
 
 
-@contextmanager
-def aside(folder: Path) -> Iterator[Path]:
-    """A folder beside the runs, for those being made; it is gone afterwards, with whatever was not finished in it.
-
-    What sweeps that died on this machine left behind goes too.
-    """
-    runs = folder / RUNS
-    runs.mkdir(parents=True, exist_ok=True)
-    prefix = f"{ASIDE}{socket.gethostname()}-"
-    for left in runs.glob(f"{prefix}*"):
-        if not _alive(int(left.name.removeprefix(prefix))):
-            shutil.rmtree(left, ignore_errors=True)
-    own = runs / f"{prefix}{os.getpid()}"
-    own.mkdir(exist_ok=True)
-    try:
-        yield own
-    finally:
-        shutil.rmtree(own, ignore_errors=True)
+def clear(folder: Path) -> None:
+    """Remove what sweeps that died left behind: runs that were being made, files that had not got their names."""
+    claims.clear(folder / RUNS / ASIDE)
+    mark = f".{socket.gethostname()}-"
+    for left in [*folder.glob(f".*{mark}*"), *(folder / CHARTS).glob(f".*{mark}*")]:
+        pid = left.name.rpartition("-")[2]
+        if pid.isdigit() and not _alive(int(pid)):
+            left.unlink(missing_ok=True)
 
 
 def _alive(pid: int) -> bool:

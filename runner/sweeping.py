@@ -64,36 +64,47 @@ def carry_out(
     source = work.experiment.document.folder
     try:
         (work.folder / store.RUNS).mkdir(parents=True, exist_ok=True)
+        store.clear(work.folder)
         store.write_text(work.folder / store.EXPERIMENT, work.experiment.document.text())
         store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
     except OSError as error:
         raise InputError(f"{work.folder}: cannot be written: {error.strerror or error}") from None
     if work.todo:
-        _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
+        try:
+            _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
+        finally:
+            store.clear(work.folder)
     end = datetime.now(timezone.utc).isoformat(timespec="seconds")
     store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, end))
 
 
 def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast: bool, progress: Progress) -> None:
-    with store.aside(work.folder) as aside:
-        tasks = [
-            Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
-            for run in work.todo
-        ]
-        jobs = min(jobs, len(tasks))
+    aside = work.folder / store.RUNS / store.ASIDE
+    tasks = [
+        Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
+        for run in work.todo
+    ]
+    elsewhere = []
 
-        def told(task: Task, status: str) -> None:
+    def told(task: Task, status: str | None) -> bool:
+        if status == worker.ELSEWHERE:
+            elsewhere.append(task._replace(wait=True))
+        elif status is not None:
             progress.done(task.run_id, status)
             if fail_fast and status in FAILURES:
                 raise Stopped(task.run_id)
+        return status is not None
 
-        with pool.Workers(jobs) as workers:
-            kernels = _kernels(work.todo, tasks)
-            progress.compiling(len(kernels))
-            # a kernel that cannot be compiled is told by the runs that need it
-            workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
-            progress.running(len(tasks))
-            workers.carry_out(worker.perform, tasks, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
+    def lost(task: Task, cause: str, deaths: int) -> bool:
+        return told(task, worker.report_death(task, cause, deaths))
+
+    with pool.local(min(jobs, len(tasks))) as workers:
+        kernels = _kernels(work.todo, tasks)
+        progress.compiling(len(kernels))
+        workers.prepare(kernels)
+        progress.running(len(tasks))
+        workers.carry_out(worker.take, tasks, told, lost)
+        workers.carry_out(worker.take, elsewhere, told, lost)
 
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:

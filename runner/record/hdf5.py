@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner.disk import Disk
 from runner.result import Result
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def write(result: Result, path: Path) -> None:
     """
     import h5py
 
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+    with Disk(path) as disk, h5py.File(disk, "w", libver=("v110", "v110")) as file:
         _write_header(file)
         frames = _write_balls(file, result)
         _write_energy(file, result, frames)
