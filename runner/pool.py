@@ -6,7 +6,7 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import SpawnContext, SpawnProcess
 from queue import SimpleQueue
@@ -60,7 +60,7 @@ class Workers:
 
         When a process dies, `lost` hears of the task that it was at, how it died, and how often the task's process has died;
         unless it says that this was all, the task is tried again when no other is left, alone. Raises RunError when a run
-        cannot be written.
+        cannot be written, or the cluster goes away.
         """
         todo, suspects, deaths = deque(tasks), deque(), dict[str, int]()
         back: SimpleQueue[tuple[Place, Future]] = SimpleQueue()
@@ -95,6 +95,8 @@ class Workers:
                 status = future.result()
             except place.deaths:
                 fall(place, future)
+            except CancelledError:
+                raise RunError("the cluster is gone; the same command goes on with the rest") from None
             except OSError as error:
                 raise RunError(f"cannot write {place.handed[future].final}: {error.strerror or error}") from None
             else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
@@ -40,13 +41,17 @@ def sweep(
     jobs: int | None = None,
     timeout: float | None = None,
     fresh: bool = False,
+    cluster: str | None = None,
+    gather: bool = False,
 ) -> pyarrow.Table:
     """Make all runs of an experiment file that `out`/<name> does not hold yet; its summary, a row per run in the folder.
 
-    Raises InputError when the file is wrong, RunError when the runs cannot be written.
+    They are made by `jobs` processes, or by the workers of the Dask scheduler at the address `cluster`, which put them into the
+    folder, or with `gather` send them back. Raises InputError when the file is wrong or the cluster cannot be reached, RunError
+    when the runs cannot be written.
     """
     work = plan(load(path, overrides), Path(out), fresh)
-    carry_out(work, jobs, timeout, fresh)
+    carry_out(work, jobs, timeout, fresh, cluster=cluster, gather=gather)
     return finish(work)
 
 
@@ -57,9 +62,11 @@ def carry_out(
     replace: bool = False,
     fail_fast: bool = False,
     progress: Progress = Progress(),
+    cluster: str | None = None,
+    gather: bool = False,
 ) -> None:
-    """Make what is to do. Raises InputError when the folder cannot be written, RunError when a run cannot, Stopped at the first
-    failure with `fail_fast`; whatever was finished stays."""
+    """Make what is to do. Raises InputError when the folder cannot be written, RunError when the disk is full or a run cannot be
+    written, Stopped at the first failure with `fail_fast`; whatever was finished stays."""
     start = datetime.now(timezone.utc).isoformat(timespec="seconds")
     source = work.experiment.document.folder
     try:
@@ -68,21 +75,32 @@ def carry_out(
         store.write_text(work.folder / store.EXPERIMENT, work.experiment.document.text())
         store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
     except OSError as error:
-        raise InputError(f"{work.folder}: cannot be written: {error.strerror or error}") from None
+        kind = RunError if error.errno in (errno.ENOSPC, errno.EDQUOT) else InputError
+        raise kind(f"{work.folder}: cannot be written: {error.strerror or error}") from None
     if work.todo:
         try:
-            _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
+            with _workers(work, jobs or os.cpu_count() or 1, cluster, gather) as workers:
+                _make(work, source.absolute(), workers, gather, timeout, replace, fail_fast, progress)
         finally:
             store.clear(work.folder)
     end = datetime.now(timezone.utc).isoformat(timespec="seconds")
     store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, end))
 
 
-def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast: bool, progress: Progress) -> None:
-    aside = work.folder / store.RUNS / store.ASIDE
+def _workers(work: Plan, jobs: int, cluster: str | None, gather: bool) -> pool.Workers:
+    if not cluster:
+        return pool.local(min(jobs, len(work.todo)))
+    try:
+        from runner.cluster import Cluster
+    except ModuleNotFoundError:
+        raise InputError("--cluster needs the package distributed: pip install 'carom[cluster]'") from None
+    return Cluster(cluster, None if gather else (work.folder / store.RUNS).absolute())
+
+
+def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout, replace, fail_fast, progress) -> None:
+    aside = (work.folder / store.RUNS / store.ASIDE).absolute()
     tasks = [
-        Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
-        for run in work.todo
+        Task(run.run_id, run.parameters, source, aside, aside.with_name(run.run_id), replace, timeout) for run in work.todo
     ]
     elsewhere = []
 
@@ -95,14 +113,21 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
                 raise Stopped(task.run_id)
         return status is not None
 
+    def sent(task: Task, back: tuple[str, dict[str, bytes]]) -> None:
+        status, files = back
+        worker.keep(task, files)
+        told(task, status)
+
     def lost(task: Task, cause: str, deaths: int) -> bool:
         return told(task, worker.report_death(task, cause, deaths))
 
-    with pool.local(min(jobs, len(tasks))) as workers:
-        kernels = _kernels(work.todo, tasks)
-        progress.compiling(len(kernels))
-        workers.prepare(kernels)
-        progress.running(len(tasks))
+    kernels = _kernels(work.todo, tasks)
+    progress.compiling(len(kernels))
+    workers.prepare(kernels)
+    progress.running(len(tasks))
+    if gather:
+        workers.carry_out(worker.send, tasks, sent, lost)
+    else:
         workers.carry_out(worker.take, tasks, told, lost)
         workers.carry_out(worker.take, elsewhere, told, lost)
 

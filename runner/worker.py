@@ -11,6 +11,7 @@ import shutil
 import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 import traceback
@@ -26,7 +27,7 @@ from runner import claims, store
 ELSEWHERE = "elsewhere"  # what comes of a run that another sweep is making
 TRIES = 2  # of a run whose worker dies
 GRACE = 5.0  # s after the timeout, for a run to stop by itself and to write what it has
-LINES = 50  # of last words
+LINES = 200  # of last words
 
 
 class Task(NamedTuple):
@@ -75,6 +76,24 @@ def take(task: Task) -> str:
             return store.read_run(task.final.parent.parent, task.run_id)["status"]
         with _heard(words, task.timeout):
             return perform(task)
+
+
+def send(task: Task) -> tuple[str, dict[str, bytes]]:
+    """Make the run in a folder of this machine's own; its status and its files, by name."""
+    with tempfile.TemporaryDirectory() as scratch:
+        final = Path(scratch) / store.RUNS / task.run_id
+        final.parent.mkdir()
+        status = take(task._replace(aside=final.parent / store.ASIDE, final=final))
+        return status, {path.name: path.read_bytes() for path in final.iterdir()}
+
+
+def keep(task: Task, files: dict[str, bytes]) -> None:
+    """Publish a run by the files that were sent. Raises OSError."""
+    with claims.claim(task.aside, task.run_id, wait=True):
+        made = _empty_folder(task)
+        for name, content in files.items():
+            (made / name).write_bytes(content)
+        store.publish(made, task.final, task.replace)
 
 
 @contextmanager

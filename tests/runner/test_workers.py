@@ -228,7 +228,7 @@ def test_a_worker_that_is_killed_costs_no_run(tmp_path, at_work):
 def test_a_sweep_that_is_killed_leaves_no_worker_and_no_half_run(tmp_path, at_work, carom_process):
     assert len(workers(at_work)) == 2
     at_work.kill()
-    at_work.communicate()
+    at_work.wait()
     until(lambda: not members(at_work.pid), seconds=5)
     done = trajectories(tmp_path)
     for run_id in done:
