@@ -29,7 +29,7 @@ class Cluster(Workers):
     """
 
     def __init__(self, address: str, shared: Path | None):
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it has to say comes as exceptions, too
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it has to say comes as exceptions, too
         try:
             self.client = Client(address, timeout=WITHIN, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:

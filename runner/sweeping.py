@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -18,6 +19,9 @@ from runner.worker import Task
 
 if TYPE_CHECKING:
     import pyarrow
+
+
+SHOWN = 90  # s that a network's file system may take to show what was made elsewhere
 
 
 class Progress:
@@ -81,6 +85,8 @@ def carry_out(
         try:
             with _workers(work, jobs or os.cpu_count() or 1, cluster, gather) as workers:
                 _make(work, source.absolute(), workers, gather, timeout, replace, fail_fast, progress)
+            if cluster:
+                _see(work)
         finally:
             store.clear(work.folder)
     end = datetime.now(timezone.utc).isoformat(timespec="seconds")
@@ -89,6 +95,8 @@ def carry_out(
 
 def _workers(work: Plan, jobs: int, cluster: str | None, gather: bool) -> pool.Workers:
     if not cluster:
+        if gather:
+            raise InputError("--gather needs --cluster")
         return pool.local(min(jobs, len(work.todo)))
     try:
         from runner.cluster import Cluster
@@ -130,6 +138,18 @@ def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout
     else:
         workers.carry_out(worker.take, tasks, told, lost)
         workers.carry_out(worker.take, elsewhere, told, lost)
+
+
+def _see(work: Plan) -> None:
+    """Wait until the folder shows what other machines have put into it. Raises RunError when it does not."""
+    end = time.monotonic() + SHOWN
+    while missing := {run.run_id for run in work.todo} - store.done(work.folder):
+        if time.monotonic() > end:
+            raise RunError(
+                f"{work.folder}: {len(missing)} runs were made but are not there: the workers write to another folder of this name; "
+                "--gather sends files back instead"
+            )
+        time.sleep(1)
 
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:

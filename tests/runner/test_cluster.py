@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from runner import config, plan, store, sweeping, worker
-from tests.runner.test_workers import EIGHT, LONG, hurt, left_behind, trajectories, until
+from tests.runner.test_workers import EIGHT, hurt, left_behind, seeds, trajectories, until
 
 cluster = pytest.importorskip("runner.cluster", exc_type=ModuleNotFoundError)
 
@@ -25,12 +25,13 @@ class Dask:
         self.folder, self.stack, self.workers = folder, stack, []
         self.settings = {"DASK_LOGGING__DISTRIBUTED": "critical", **settings}
         note = folder / "scheduler.json"
-        self.start("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", note)
+        self.start("scheduler", "--port", "0", "--scheduler-file", note)
         until(lambda: note.exists() and note.read_text().endswith("}"))
         self.address = json.loads(note.read_text())["address"]
 
     def start(self, kind: str, *arguments) -> subprocess.Popen:
-        command = [sys.executable, "-m", "dask", kind, *map(str, arguments), "--host", "127.0.0.1"]
+        alone = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
+        command = [sys.executable, "-m", "dask", kind, *map(str, arguments), *alone]
         # tasks go by the names of functions, some of them in tests
         environment = os.environ | self.settings | {"PYTHONPATH": str(Path(__file__).parents[2])}
         process = subprocess.Popen(command, cwd=self.folder, env=environment, stderr=subprocess.DEVNULL)
@@ -39,7 +40,7 @@ class Dask:
 
     def join(self, nanny: bool = False) -> subprocess.Popen:
         """A worker joins; with a nanny it is started again when it dies."""
-        options = ["--nthreads", "1", "--no-dashboard", "--local-directory", self.folder, "--nanny" if nanny else "--no-nanny"]
+        options = ["--nthreads", "1", "--local-directory", self.folder, "--nanny" if nanny else "--no-nanny"]
         self.workers.append(self.start("worker", self.address, *options))
         return self.workers[-1]
 
@@ -88,10 +89,6 @@ def sweep(path, out, **options):
     work = plan.plan(config.load(path), Path(out))
     sweeping.carry_out(work, **options)
     return work
-
-
-def seeds(count: int) -> str:
-    return LONG[: LONG.index("matrix:")] + f"matrix: {{balls.scatter.seed: {list(range(count))}}}\n"
 
 
 @pytest.mark.parametrize("runs", [30, pytest.param(300, marks=pytest.mark.slow)])

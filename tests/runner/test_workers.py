@@ -22,15 +22,18 @@ matrix:
   balls.mass: [1, 2, 3, 4]
 """
 MANY = 60
-#: Each run takes some 50 ms, so that a signal finds the sweep at work.
-LONG = f"""\
+
+
+def seeds(count: int) -> str:
+    """An experiment whose runs take some 50 ms each, so that a signal finds the sweep at work."""
+    return f"""\
 # Does it stop when it is told to?
 scene: {{surfaces: {{room: {{shape: box, center: [0, 0, 0], size: [2, 2, 2], inside: true}}}}}}
 balls: {{scatter: {{count: 100, box: [[-0.9, -0.9, -0.9], [0.9, 0.9, 0.9]], max_speed: 5}}}}
 solver: {{method: explicit_euler, step: 1.0e-4, contact: original}}
 duration: 1
 record: {{formats: [hdf5], every: 0.1}}
-matrix: {{balls.scatter.seed: {list(range(MANY))}}}
+matrix: {{balls.scatter.seed: {list(range(count))}}}
 """
 
 
@@ -73,7 +76,7 @@ def noted(task: worker.Task) -> str:
 
 def test_two_sweeps_into_one_folder_make_no_run_twice_and_both_have_them_all(tmp_path):
     few = 20
-    (tmp_path / "x.yaml").write_text(LONG.replace(f"{list(range(MANY))}", f"{list(range(few))}"))
+    (tmp_path / "x.yaml").write_text(seeds(few))
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     both = [
         subprocess.Popen([sys.executable, "-c", NOTED], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True)
@@ -171,7 +174,7 @@ def until(condition, seconds=60):
 @pytest.fixture
 def at_work(tmp_path):
     """A sweep under way, with two workers and some runs done; whatever is left of it is ended."""
-    (tmp_path / "long.yaml").write_text(LONG)
+    (tmp_path / "long.yaml").write_text(seeds(MANY))
     sweep = start(tmp_path, "long.yaml", "--jobs", "2")
     try:
         until(lambda: sweep.poll() is not None or len(trajectories(tmp_path)) >= 4)
