@@ -53,6 +53,12 @@ def sweep(
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Make failed runs again.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first run that fails.")] = False,
     timeout: Annotated[Optional[float], typer.Option(min=0, help="Seconds that a run may take.")] = None,
+    cluster: Annotated[
+        Optional[str], typer.Option(metavar="ADDRESS", help="Run on the workers of this Dask scheduler, tcp://host:port.")
+    ] = None,
+    gather: Annotated[
+        bool, typer.Option("--gather", help="Have the cluster send files back: it does not share the output folder.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Hold the runs against `expect`; exit 1 if one is broken.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Start more than 100,000 runs without asking.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
@@ -75,7 +81,7 @@ def sweep(
     stopped = None
     try:
         with _interruptible(work), terminal.progress(quiet) as progress:
-            sweeping.carry_out(work, jobs, timeout, fresh or retry_failed, fail_fast, progress)
+            sweeping.carry_out(work, jobs, timeout, fresh or retry_failed, fail_fast, progress, cluster, gather)
     except sweeping.Stopped as error:
         stopped = str(error)
     sweeping.finish(work)

@@ -13,7 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
-from runner import record, store
+from runner import claims, record, store
 from runner.errors import Damaged
 
 
@@ -23,14 +23,13 @@ WAVE = 20_000  # runs to make before what can be packed of them is: as many fold
 class Pack(NamedTuple):
     """Runs to be packed."""
 
-    folder: Path  # the output of the sweep
-    aside: Path  # folder to make the pack in
+    final: Path  # folder of the runs
     run_ids: tuple[str, ...]
 
     @property
-    def final(self) -> Path:
-        """What to call it where it cannot be written: its number is not known before it is."""
-        return self.folder / store.RUNS
+    def run_id(self) -> str:
+        """What it is known by while it is made: its number is not known before."""
+        return f"pack-of-{self.run_ids[0]}"
 
 
 def batches(folder: Path, size: int | None) -> list[tuple[str, ...]]:
@@ -46,20 +45,21 @@ def pack(task: Pack) -> str:
 
     Returns what came of it. Raises OSError when the pack cannot be written.
     """
-    runs = {run_id: store.run_folder(task.folder, run_id) for run_id in task.run_ids}
-    if any(any(store.faults(place)) for place in runs.values()):
-        return "left"
-    made = task.aside / f"pack-of-{task.run_ids[0]}"
-    shutil.rmtree(made, ignore_errors=True)  # of a worker that died over it
-    made.mkdir()
-    try:
-        _fill(made, runs)
-    except (FileNotFoundError, Damaged):  # it is gone meanwhile
-        store.discard(made, task.aside)
-        return "left"
-    _publish(made, task.folder)
+    runs = {run_id: task.final / run_id for run_id in task.run_ids}
+    with claims.claim(task.final / store.ASIDE, task.run_id) as ours:
+        if not ours or any(any(store.faults(place)) for place in runs.values()):
+            return "left"
+        made = task.final / store.ASIDE / f"{task.run_id}.made"
+        shutil.rmtree(made, ignore_errors=True)  # where the file system has no locks, of a worker that died over it
+        made.mkdir()
+        try:
+            _fill(made, runs)
+        except (FileNotFoundError, Damaged):  # it is gone meanwhile
+            shutil.rmtree(made, ignore_errors=True)
+            return "left"
+        _publish(made, task.final.parent)
     for place in runs.values():
-        store.discard(place, task.aside)
+        store.discard(place)
     return "packed"
 
 
@@ -87,9 +87,9 @@ def _publish(made: Path, folder: Path) -> None:
                 raise
 
 
-def tidy(folder: Path, aside: Path) -> None:
+def tidy(folder: Path) -> None:
     """Remove packs whose runs have all been made again since."""
     current = set(store.places(folder).values())
     for entry in store.entries(folder):
         if store.pack_number(entry) and entry not in current:
-            store.discard(entry, aside)
+            store.discard(entry)

@@ -8,15 +8,15 @@ import re
 import shutil
 import socket
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from runner import seal
+from runner import claims, seal
 from runner.errors import Damaged
 
 RUNS, EXPERIMENT, PROVENANCE, SUMMARY, RUN = "runs", "experiment.yaml", "provenance.json", "summary", "run.json"
-ASIDE = ".aside-"
+ASIDE, CHARTS = ".aside", "charts"
 #: Many runs may lie in one folder, a pack: runs/pack-3/ has a list of them, and their reports, a line each.
 PACK, MEMBERS, REPORTS = re.compile(r"pack-(\d+)"), "pack.json", "runs.jsonl"
 #: What run.json and pack.json must tell.
@@ -154,7 +154,7 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_with(path: Path, write) -> None:
     """Let `write(aside)` make a file, then give it its name."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside = path.with_name(f".{path.name}.{socket.gethostname()}-{os.getpid()}")
     try:
         write(aside)
         os.replace(aside, path)
@@ -162,24 +162,14 @@ def write_with(path: Path, write) -> None:
         aside.unlink(missing_ok=True)
 
 
-@contextmanager
-def aside(folder: Path) -> Iterator[Path]:
-    """A folder beside the runs, for those being made; it is gone afterwards, with whatever was not finished in it.
-
-    What sweeps that died on this machine left behind goes too.
-    """
-    runs = folder / RUNS
-    runs.mkdir(parents=True, exist_ok=True)
-    prefix = f"{ASIDE}{socket.gethostname()}-"
-    for left in runs.glob(f"{prefix}*"):
-        if not _alive(int(left.name.removeprefix(prefix))):
-            shutil.rmtree(left, ignore_errors=True)
-    own = runs / f"{prefix}{os.getpid()}"
-    own.mkdir(exist_ok=True)
-    try:
-        yield own
-    finally:
-        shutil.rmtree(own, ignore_errors=True)
+def clear(folder: Path) -> None:
+    """Remove what sweeps that died left behind: runs that were being made, files that had not got their names."""
+    claims.clear(folder / RUNS / ASIDE)
+    mark = f".{socket.gethostname()}-"
+    for left in [*folder.glob(f".*{mark}*"), *(folder / CHARTS).glob(f".*{mark}*")]:
+        pid = left.name.rpartition("-")[2]
+        if pid.isdigit() and not _alive(int(pid)):
+            left.unlink(missing_ok=True)
 
 
 def _alive(pid: int) -> bool:
@@ -208,15 +198,13 @@ def publish(made: Path, final: Path, replace: bool) -> None:
         shutil.rmtree(made, ignore_errors=True)
 
 
-def discard(entry: Path, aside: Path) -> None:
-    """Remove an entry at once: it loses its name before its files go. One that another sweep removed is gone already."""
-    gone = aside / f"{entry.name}.gone"
-    shutil.rmtree(gone, ignore_errors=True)  # of a worker that died over it
-    try:
-        os.rename(entry, gone)
-    except FileNotFoundError:
-        return
-    shutil.rmtree(gone, ignore_errors=True)
+def discard(entry: Path) -> None:
+    """Remove an entry at once: it loses its name before its files go. One that another sweep is at stays."""
+    aside = entry.with_name(ASIDE)
+    with claims.claim(aside, entry.name) as ours, suppress(FileNotFoundError):
+        if ours:
+            os.rename(entry, aside / f"{entry.name}.gone")
+            shutil.rmtree(aside / f"{entry.name}.gone", ignore_errors=True)
 
 
 def provenance(folder: Path) -> dict[str, Any]:

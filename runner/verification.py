@@ -41,9 +41,8 @@ def plan_repair(folder: Path, found: list[Damage]) -> tuple[Plan, list[str]]:
     A pack that does not tell what it holds is removed: its runs count as not made.
     """
     unknown = [damage.path.parent for damage in found if not damage.runs]
-    with store.aside(folder) as aside:
-        for pack in unknown:
-            store.discard(pack, aside)
+    for pack in unknown:
+        store.discard(pack)
     experiment, places = existing(folder), store.places(folder)
     runs = {run.run_id: run for run in experiment.runs()}
     broken = {damage.path.parent for damage in found}

@@ -34,13 +34,13 @@ class Outcome(NamedTuple):
 class Inline:
     """Stands for runner.pool.Workers, and does their work in this process."""
 
-    def __init__(self, jobs):
-        pass
-
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
+        pass
+
+    def prepare(self, kernels):
         pass
 
     def carry_out(self, function, tasks, told, lost):
@@ -83,7 +83,7 @@ def carom(monkeypatch, capsys):
 @pytest.fixture
 def inline(monkeypatch):
     """Runs are made in this process instead of in workers."""
-    monkeypatch.setattr("runner.pool.Workers", Inline)
+    monkeypatch.setattr("runner.pool.local", lambda jobs: Inline())
 
 
 @pytest.fixture(scope="session")
@@ -94,7 +94,7 @@ def outputs(tmp_path_factory, fall):
     folder = tmp_path_factory.mktemp("outputs")
     (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + "matrix: {balls.mass: [1, 2, 3, 4]}\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("runner.pool.Workers", Inline)
+        patch.setattr("runner.pool.local", lambda jobs: Inline())
         sweep(folder / "x.yaml", out=folder / "single")
         sweep(folder / "x.yaml", {"record.pack": 2}, out=folder / "packed")
     return folder

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner import store
+from runner.disk import Disk
 from runner.errors import Damaged
 from runner.result import Result
 
@@ -45,7 +46,7 @@ def write(result: Result, path: Path) -> None:
     """
     import h5py
 
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+    with Disk(path) as disk, h5py.File(disk, "w", libver=("v110", "v110")) as file:
         _write_header(file)
         frames = _write_balls(file, result)
         _write_energy(file, result, frames)
@@ -57,7 +58,7 @@ def join(files: dict[str, Path], path: Path) -> None:
     """Write what the runs' `files` hold to the new file `path`, each run's in a group named by its id."""
     import h5py
 
-    with h5py.File(path, "w", libver=("v110", "v110")) as packed:
+    with Disk(path) as disk, h5py.File(disk, "w", libver=("v110", "v110")) as packed:
         for run_id, file in files.items():
             with h5py.File(file) as one:
                 packed.copy(one["/"], packed, name=run_id)

@@ -142,10 +142,10 @@ def test_a_pack_that_cannot_be_written_costs_no_run(copied, monkeypatch, step):
 
     monkeypatch.setattr(step, full)
     folder = Path("single/x")
-    with store.aside(folder) as aside:
-        (run_ids,) = packing.batches(folder, 4)
-        with pytest.raises(OSError, match="No space"):
-            packing.pack(packing.Pack(folder, aside, run_ids))
+    (run_ids,) = packing.batches(folder, 4)
+    with pytest.raises(OSError, match="No space"):
+        packing.pack(packing.Pack(folder / "runs", run_ids))
+    store.clear(folder)
     assert len(single(folder)) == 4 and packs(folder) == [] and not list(folder.rglob(".*"))
     assert not any(any(store.faults(entry)) for entry in store.entries(folder))
 
@@ -154,30 +154,29 @@ def test_a_kill_while_packing_loses_no_run(copied):
     """At ten moments of it: every run is in one place or in both, and whole."""
     folder, whole = Path("single/x"), store.read_runs(Path("single/x"))
     told = [{name: value for name, value in report.items() if name not in ("files", "sha256")} for report in whole]
-    with store.aside(folder) as aside:
-        for moment in range(10):
-            for run_ids in packing.batches(folder, 2):
-                process = get_context("fork").Process(target=packing.pack, args=[packing.Pack(folder, aside, run_ids)])
-                process.start()
-                process.join(0.03 * moment)
-                process.kill()
-                process.join()
-            found = store.read_runs(folder)
-            assert [{name: value for name, value in report.items() if name in told[0]} for report in found] == told
-            assert not any(any(store.faults(entry)) for entry in store.entries(folder))
+    for moment in range(10):
         for run_ids in packing.batches(folder, 2):
-            packing.pack(packing.Pack(folder, aside, run_ids))
-        packing.tidy(folder, aside)
+            process = get_context("fork").Process(target=packing.pack, args=[packing.Pack(folder / "runs", run_ids)])
+            process.start()
+            process.join(0.03 * moment)
+            process.kill()
+            process.join()
+        found = store.read_runs(folder)
+        assert [{name: value for name, value in report.items() if name in told[0]} for report in found] == told
+        assert not any(any(store.faults(entry)) for entry in store.entries(folder))
+    for run_ids in packing.batches(folder, 2):
+        packing.pack(packing.Pack(folder / "runs", run_ids))
+    packing.tidy(folder)
+    store.clear(folder)
     assert len(single(folder)) < 2 and len(store.done(folder)) == 4 and not list(folder.rglob(".*"))
 
 
 def test_two_sweeps_that_pack_at_once(copied, monkeypatch):
     """What one has packed the other finds gone, and leaves at that."""
     folder = Path("single/x")
-    with store.aside(folder) as aside:
-        first, second = packing.batches(folder, 2)
-        told = [packing.pack(packing.Pack(folder, aside, run_ids)) for run_ids in (first, first + second, second)]
-        assert told == ["packed", "left", "packed"]
+    first, second = packing.batches(folder, 2)
+    told = [packing.pack(packing.Pack(folder / "runs", run_ids)) for run_ids in (first, first + second, second)]
+    assert told == ["packed", "left", "packed"]
     assert packs(folder) == [("pack-1", 2), ("pack-2", 2)] and single(folder) == []
 
 

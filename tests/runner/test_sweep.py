@@ -207,8 +207,12 @@ def test_a_dry_run_writes_nothing_and_lists_what_is_to_do(again, carom):
 
 def test_what_a_sweep_that_died_left_behind_is_cleared(again, carom, inline):
     folder = again / "outputs" / "tiny"
-    dead = folder / "runs" / f"{store.ASIDE}{os.uname().nodename}-{2**22 + 1}"  # above the largest process id
-    (dead / "half").mkdir(parents=True)
+    aside = folder / "runs" / store.ASIDE
+    dead = f"{os.uname().nodename}-{2**22 + 1}"  # above the largest process id
+    (aside / f"half-m1.{dead}").mkdir(parents=True)
+    (aside / "half-m1.claim").write_text("Fatal Python error")
+    for unnamed in (folder / f".summary.csv.{dead}", folder / "charts" / f".a.png.{dead}"):
+        unnamed.write_text("half")
     assert carom("status", folder).out == "done 4, failed 0, todo 0\n"
     assert sweep_again(carom, "-s", "balls.mass=3").code == 0
     assert not list(folder.rglob(".*"))
