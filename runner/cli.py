@@ -337,7 +337,8 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     from runner import expect, store, terminal
     from runner.plan import failed
 
-    reports = list(store.read_runs(work.folder, (run.run_id for run in work.runs)))
+    kept = ("run_id", "status", "error", *(("parameters", "figures") if work.experiment.expect else ()))
+    reports = [{key: report[key] for key in kept} for report in store.read_runs(work.folder, (run.run_id for run in work.runs))]
     verdicts = expect.verdicts(work.experiment.expect, reports)
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]

@@ -27,7 +27,7 @@ SHOWN = 90  # s that a network's file system may take to show what was made else
 class Progress:
     """Hears how a sweep goes on; this one says nothing of it."""
 
-    def compiling(self, kernels: int) -> None: ...
+    def compiling(self, kernels: list[str]) -> None: ...
 
     def running(self, runs: int) -> None: ...
 
@@ -138,7 +138,7 @@ def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout
             workers.carry_out(packing.pack, packs, lambda *_: None, lambda *_: True)  # what is not packed stays as it is
 
     kernels = _kernels(work.todo, tasks)
-    progress.compiling(len(kernels))
+    progress.compiling([_name(task) for task in kernels])
     workers.prepare(kernels)
     progress.running(len(tasks))
     for first in range(0, len(tasks), packing.WAVE):
@@ -174,6 +174,11 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
             exact = reference.twin(run)
             kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
     return list(kernels.values())
+
+
+def _name(kernel: Task) -> str:
+    solver = kernel.parameters["solver"]
+    return solver["method"] + (" (original contact)" if solver["contact"] == "original" else "")
 
 
 def kernel_key(run: Run) -> tuple:
