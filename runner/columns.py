@@ -22,7 +22,7 @@ FIGURES = {
     "position_error_max": "m",
     "x_min": "m, of the balls' centres over all frames", "x_max": "m", "y_min": "m", "y_max": "m", "z_min": "m", "z_max": "m",
     "speed_max": "m/s, over all frames",
-    "sim_seconds": "s, the simulation alone, the fastest of the repeats",
+    "sim_seconds": "s of the processor, the simulation alone, the fastest of the repeats",
     "ball_steps_per_second": "",
     "ns_per_ball_second": "ns of simulation per simulated second of one ball",
 }  # fmt: skip

@@ -31,7 +31,7 @@ FEWEST, MOST, ENOUGH = 3, 500, 3.0  # repeats to time, and s that are enough for
 class Timing(NamedTuple):
     """Repeats of one simulation, each beside one of every rival."""
 
-    seconds: float  # of the fastest
+    seconds: float  # of the processor, of the fastest
     spread: float  # how far the fastest of a third of the repeats may be above, relative
     repeats: int
 
@@ -195,12 +195,12 @@ class _Scene:
         """One run, a short one a few times; what diverges, stalls or takes more than the budget has an infinite error."""
         simulation, taken = self.simulation(method, setting), []
         while len(taken) < FEWEST and sum(taken) < BRIEF:
-            start = time.perf_counter()
+            start = time.thread_time()
             try:
                 flight = simulation.run(_deadline(self.budget))
             except Stalled:
-                return Trial(setting, math.inf, time.perf_counter() - start, "stalled")
-            taken.append(time.perf_counter() - start)
+                return Trial(setting, math.inf, time.thread_time() - start, "stalled")
+            taken.append(time.thread_time() - start)
         whole = flight.status in ("finished", "rested")
         error = reference.position_errors(flight, self.truth).get("position_error_rms", math.inf) if whole else math.inf
         return Trial(setting, error, min(taken), flight.status)
@@ -260,6 +260,6 @@ def _timing(seconds: Sequence[float]) -> Timing:
 
 
 def _seconds(simulation: Simulation) -> float:
-    start = time.perf_counter()
+    start = time.thread_time()
     simulation.run()
-    return time.perf_counter() - start
+    return time.thread_time() - start

@@ -11,8 +11,9 @@ import numpy as np
 from sim.contact import MISS, count_crossed, first_hit
 from sim.forces import B, acceleration, driving
 from sim.impact import energy_lost, rebound
-from sim.integrators.symplectic_euler import step  # bound to the method's own before it is compiled
+from sim.handing import CARRIES, carried  # bound to the method's own, where it has one, before they are compiled
 from sim.lanes import (
+    A1,
     AGE,
     CROSSED,
     CROSSED1,
@@ -28,6 +29,7 @@ from sim.lanes import (
     WORK,
     WORK1,
     X1,
+    A,
     H,
     V,
     X,
@@ -49,6 +51,8 @@ def advance(block, dt, body, forces, features, frame, record, bounces, budget):
     Returns (next frame, rows of `bounces` filled, whether the last frame shows a diverged ball).
     """
     s, rows = block.s, np.int64(0)  # typed: a literal 0 would have `attempt` compiled twice
+    if CARRIES and frame == 0:
+        depart(block, forces)
     while frame < len(record.time):
         now = record.time[frame]
         slack = ROUNDING * now
@@ -79,6 +83,13 @@ def advance(block, dt, body, forces, features, frame, record, bounces, budget):
         if diverged:
             return frame, rows, True
     return frame, rows, False
+
+
+def depart(block, forces):
+    """The acceleration at the release, which the first step begins with."""
+    s = block.s
+    for i in range(LANES):
+        put(s, A, i, acceleration(s[AGE + i], lane(s, X, i), lane(s, V, i), forces))
 
 
 def limit(s, i, now):
@@ -138,9 +149,11 @@ def attempt(block, body, forces, features, bounces, rows):
     s, search = block.s, block.search
     mark_touches(block, features, body.radius)
     for i in range(LANES):
-        x1, v1 = step(s[H + i], s[AGE + i], lane(s, X, i), lane(s, V, i), forces)
+        x1, v1, a1 = carried(s[H + i], s[AGE + i], lane(s, X, i), lane(s, V, i), lane(s, A, i), forces)
         put(s, X1, i, x1)
         put(s, V1, i, v1)
+        if CARRIES:
+            put(s, A1, i, a1)
     for i in range(LANES):
         s[LOST1 + i], s[CROSSED1 + i] = 0.0, 0.0
     if len(forces.selective) > 0 or dot(forces.drive, forces.drive) > 0.0 or forces.drive[B] > 0.0:
@@ -208,7 +221,10 @@ def bounce(block, i, f, distance, body, forces, features, bounces, row):
     after, vn, vt_squared = rebound(v, normal, body.restitution, body.damping)
     x1 = axpy(h - delay, after, touch)
     put(s, X1, i, x1)
-    put(s, V1, i, axpy(h, acceleration(t, x, v, forces), after))
+    v1 = axpy(h, acceleration(t, x, v, forces), after)
+    put(s, V1, i, v1)
+    if CARRIES:  # what the step has left is of where it would have led
+        put(s, A1, i, acceleration(t + h, x1, v1, forces))
     for g in range(len(block.gap) // LANES):
         block.gap1[g * LANES + i] = height(faces, g, x1)
 
@@ -250,9 +266,10 @@ def commit(block):
     s = block.s
     for i in range(LANES):
         moves = s[H + i] > 0.0
-        for row, row1 in ((X, X1), (V, V1)):
-            for k in range(0, 3 * LANES, LANES):
-                s[row + k + i] = s[row1 + k + i] if moves else s[row + k + i]
+        for row, row1 in ((X, X1), (V, V1), (A, A1)):
+            if CARRIES or row != A:
+                for k in range(0, 3 * LANES, LANES):
+                    s[row + k + i] = s[row1 + k + i] if moves else s[row + k + i]
         s[WORK + i] += s[WORK1 + i] if moves else 0.0
         s[LOST + i] += s[LOST1 + i] if moves else 0.0
         s[CROSSED + i] += s[CROSSED1 + i] if moves else 0.0

@@ -48,7 +48,7 @@ class Original:
     def __init__(self, solver, balls, duration, body, packed, features):
         self.dt, self.balls, self.duration = float(solver.step), balls, duration
         self.given = body, packed, features
-        self.kernel = jit.bind(advance.advance, step=integrators.load(solver.method)[1], SELECTIVE=len(packed.selective))
+        self.kernel = jit.bind(advance.advance, SELECTIVE=len(packed.selective), **steps(solver.method))
 
     def parts(self) -> list:
         features = self.given[-1]
@@ -125,7 +125,14 @@ class Swept:
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
 CURVE = "flight", "point", "slope", "bend", "project", "start", "seen_from", "seen_along", "piece", "fall", "value", "dip"
 SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
-METHOD = "step", "embedded", "interpolant"
+METHOD = "step", "carried", "embedded", "interpolant"
+
+
+def steps(method: str) -> dict:
+    """What the names stand for that are the method's own."""
+    module = vars(importlib.import_module(f"sim.integrators.{method}"))
+    names = {name: module[name] for name in METHOD if name in module}
+    return names | {"CARRIES": "carried" in names or "embedded" in names}
 
 
 def bindings(method: str, packed: forces.Forces) -> dict:
@@ -137,8 +144,9 @@ def bindings(method: str, packed: forces.Forces) -> dict:
     else:
         claims = integrators.load(method)[0]
         curve = claims.curve
-        parts = [("solvers.adaptive" if claims.adaptive else "solvers.stepping", SOLVER), (f"integrators.{method}", METHOD)]
-    names = {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
+        parts = [("solvers.adaptive" if claims.adaptive else "solvers.stepping", SOLVER)]
+    names = steps(method) if method != "exact" else {}
+    names |= {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
     for module, wanted in [(f"curves.{curve}", CURVE), *parts]:
         found = vars(importlib.import_module(f"sim.{module}"))

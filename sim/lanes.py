@@ -26,7 +26,8 @@ STEPS = 20 * LANES  # full steps taken
 AGE = 21 * LANES  # s, at the start of the step
 H = 22 * LANES  # s, length of the step; 0 in a lane that has nothing to do
 TOUCHES, CROSSES = 23 * LANES, 24 * LANES  # 1 where a contact, a crossing is possible in the step
-ROWS = 25
+A, A1 = 25 * LANES, 28 * LANES  # m/s^2, where the method hands it on
+ROWS = 31
 
 
 class Block(NamedTuple):

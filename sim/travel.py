@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.clearance import AHEAD, clearance, way
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
+from sim.handing import CARRIES  # bound before it is compiled
 from sim.hop import hop
 from sim.impact import energy_lost, rebound
 from sim.log import REST, note
@@ -124,6 +125,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
     how, clear, left, dt = DONE, 0.0, int(s[LEFT]), s[STEP]
+    a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
             how = PAUSED
@@ -148,7 +150,9 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         elif curved:
             curve, x1, v1 = flight(x, v, turn(features, x, v, mover), 0.0, 0.0), x, v
         else:
-            curve, x1, v1, got, dt = depart(h, dt, tolerance, age, x, v, mover)
+            if not known:
+                a = acceleration(age, x, v, mover)
+            curve, x1, v1, a, got, dt = depart(h, dt, tolerance, age, x, v, a, mover)
             if got < h:
                 h, aim = got, age + got
 
@@ -216,6 +220,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             break
 
         # what the event does
+        known = CARRIES and what == NOTHING and contacts.count == 0 and age != switch
         if what == TOUCH:
             surface = surface_of(features, item)
             normal = facing(features, item, x)

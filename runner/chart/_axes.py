@@ -51,7 +51,7 @@ def set_scale(axes: Axes, which: str, values: Iterable[float], kind: str | None 
     if kind == "linear":
         return
     high = math.floor(math.log10(sizes.max()) + 1e-9)
-    narrow = which == "x" and axes.get_position().width < 0.4
+    narrow = which == "x" and axes.get_position().width < 0.4 or kind == "symlog" and values.min() < 0 < values.max()
     every = max(1, math.ceil((high - low + 1) / (LEAST_TICKS if narrow else MOST_TICKS)))
     if kind == "symlog":  # which has one decade's length from zero to `low`
         ticks = [10.0**e for e in range(low, high + 1) if e % every == 0 and e - low + 1 >= every]

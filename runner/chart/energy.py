@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 
 FAILED = ("failed", "crashed")
 MOST_LINES = 12  # in one panel; above, each series shows the median of its runs and their range
-BELOW = 1e-3  # of the best run's largest residual: where a logarithmic axis ends and what is smaller sinks to zero
+BELOW = 0.1  # of the best run's largest residual: where a logarithmic axis ends and what is smaller sinks to zero
 
 
 @dataclass(frozen=True)
 class Chart:
     """The energy residual of each run against time, coloured by `series`, in small multiples by `panel`.
 
-    With many runs, the median of those of a series, in a band from the smallest to the largest. Sizes on a logarithmic
-    axis where the runs' residuals lie decades apart, as methods' do; else with their sign.
+    With many runs, the median of those of a series, in a band from the smallest to the largest. What is gained stands above
+    zero, what is lost below; where the runs' residuals lie decades apart, as methods' do, on an axis that is logarithmic
+    either way.
     """
 
     series: Column | None = None
@@ -51,6 +52,7 @@ def draw(chart: Chart, table: pyarrow.Table, folder: Path) -> Figure:
         groups[panel[row], series[row]].append(row)
     diverged = any(status[row] == "diverged" for row in curves)
     many = max(Counter(panel[row] for row in curves).values(), default=0) > MOST_LINES
+    notes.append("energy is gained above zero, lost below")
     if many and (note := spread_note(table, groups.values())):
         notes.insert(0, note)
         if diverged:
@@ -59,11 +61,8 @@ def draw(chart: Chart, table: pyarrow.Table, folder: Path) -> Figure:
     steady = [row for row in curves if status[row] != "diverged"] or list(curves)
     peaks = [peak for row in steady if (peak := np.abs(curves[row][1]).max()) > 0] or [1.0]
     log = _axes.scale(peaks) == "log"
-    if log:
-        curves = {row: (time, np.abs(residual)) for row, (time, residual) in curves.items()}
-
     styles = {value: {**style, "marker": ""} for value, style in _style.looks(distinct(series)).items()}
-    figure, grid = _page.panels(distinct(panel), chart.panel, "time (s)", label("energy_residual", size=log))
+    figure, grid = _page.panels(distinct(panel), chart.panel, "time (s)", label("energy_residual"))
     for value, style in styles.items():
         for panel_value, axes in grid.items():
             rows = groups[panel_value, value]
@@ -77,12 +76,18 @@ def draw(chart: Chart, table: pyarrow.Table, folder: Path) -> Figure:
                 for row in rows:
                     axes.plot(*curves[row], **style, linewidth=1)
 
+    for axes in grid.values():
+        if axes.has_data():
+            axes.axhline(0, color=_style.PALE, linewidth=0.8, zorder=1, gid="zero")
     first = next(iter(grid.values()))
     first.set_xlim(0, max((time[-1] for time, _ in curves.values()), default=1))
     _axes.set_scale(first, "x", [], "linear")
     if log:
-        _axes.set_scale(first, "y", [min(peaks) * BELOW, max(peaks)], "symlog")
-        first.set_ylim(0, 5 * max(peaks))
+        least = min(peaks) * BELOW
+        low, high = (reach(reach(curves[row][1]) for row in steady) for reach in (min, max))
+        low, high = min(low, -least), max(high, least)
+        _axes.set_scale(first, "y", [low, -least, least, high], "symlog")
+        first.set_ylim(5 * low, 5 * high)
     else:
         _axes.set_scale(first, "y", [], "linear")
         if diverged:

@@ -10,7 +10,7 @@ METHOD = Method(
     order=5,
     oscillator_limit=0.9972,
     drag_limit=3.3066,
-    evaluations=7,
+    evaluations=6,
     symplectic=False,
     reference="Dormand, Prince 1980, doi:10.1016/0771-050X(80)90013-3, table 2",
     adaptive=True,
@@ -32,8 +32,7 @@ def along(h, y, weights, slopes):
     return y
 
 
-def embedded(h, t, x, v, forces):
-    a = acceleration(t, x, v, forces)
+def embedded(h, t, x, v, a, forces):
     v2 = along(h, v, TWO, (a,))
     a2 = acceleration(t + h / 5, along(h, x, TWO, (v,)), v2, forces)
     v3 = along(h, v, THREE, (a, a2))
@@ -47,15 +46,16 @@ def embedded(h, t, x, v, forces):
     x1, v1 = along(h, x, END, (v, v2, v3, v4, v5, v6)), along(h, v, END, (a, a2, a3, a4, a5, a6))
     a1 = acceleration(t + h, x1, v1, forces)
     zero = (0.0, 0.0, 0.0)
-    return x1, v1, along(h, zero, ERROR, (v, v2, v3, v4, v5, v6, v1)), along(h, zero, ERROR, (a, a2, a3, a4, a5, a6, a1))
+    dx, dv = along(h, zero, ERROR, (v, v2, v3, v4, v5, v6, v1)), along(h, zero, ERROR, (a, a2, a3, a4, a5, a6, a1))
+    return x1, v1, a1, dx, dv
 
 
 def step(h, t, x, v, forces):
-    x1, v1, _, _ = embedded(h, t, x, v, forces)
+    x1, v1, _, _, _ = embedded(h, t, x, v, acceleration(t, x, v, forces), forces)
     return x1, v1
 
 
-def interpolant(h, t, x, v, x1, v1, forces):
+def interpolant(h, x, v, a, x1, v1, a1):
     """Of the method's own order, and its slope is as good as the tolerance asks; the dense output of Dormand and Prince (Hairer,
     Norsett, Wanner 1993, section II.6) is of one order less."""
-    return hermite(h, x, v, acceleration(t, x, v, forces), x1, v1, acceleration(t + h, x1, v1, forces))
+    return hermite(h, x, v, a, x1, v1, a1)

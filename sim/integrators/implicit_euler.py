@@ -22,5 +22,5 @@ def step(h, t, x, v, forces):
     return axpy(h, v, x), v
 
 
-def interpolant(h, t, x, v, x1, v1, forces):
+def interpolant(h, x, v, a, x1, v1):
     return x, v, scale(2.0 / h, sub(v1, v))

@@ -39,5 +39,5 @@ def step(h, t, x, v, forces):
     return axpy(XI * h, v, x), v
 
 
-def interpolant(h, t, x, v, x1, v1, forces):
+def interpolant(h, x, v, a, x1, v1):
     return hermite(h, x, v, x1, v1)

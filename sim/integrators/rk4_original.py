@@ -31,5 +31,5 @@ def step(h, t, x, v, forces):
     )
 
 
-def interpolant(h, t, x, v, x1, v1, forces):
+def interpolant(h, x, v, a, x1, v1):
     return hermite(h, x, v, x1, v1)

@@ -24,10 +24,10 @@ def goal(age, limit, dt):
     return age + dt if age + 1.01 * dt < limit else limit  # no short rest
 
 
-def depart(h, dt, tolerance, age, x, v, motion):
+def depart(h, dt, tolerance, age, x, v, a, motion):
     shortest, tolerance, most, aim = ROUNDING * (age + h), max(tolerance, ROUNDING), MOST, h
     while True:
-        x1, v1, dx, dv = embedded(h, age, x, v, motion)
+        x1, v1, a1, dx, dv = embedded(h, age, x, v, a, motion)
         error = max(norm(dx) / (1.0 + max(norm(x), norm(x1))), norm(dv) / (1.0 + max(norm(v), norm(v1)))) / tolerance
         good = error <= 1.0  # NaN is not
         change = max(SAFETY * error**-POWER, LEAST) if error > 0.0 else (most if good else LEAST)
@@ -37,7 +37,7 @@ def depart(h, dt, tolerance, age, x, v, motion):
     following = h * min(change, most)
     if h == aim and h < 0.99 * dt:  # it was short only because the flight or a field ends
         following = max(following, dt)
-    return interpolant(h, age, x, v, x1, v1, motion), x1, v1, h, following
+    return interpolant(h, x, v, a, x1, v1, a1), x1, v1, a1, h, following
 
 
 def arrive(curve, s, h, x1, v1, age, x, v, motion):

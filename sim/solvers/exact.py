@@ -17,9 +17,9 @@ def goal(age, limit, dt):
     return limit
 
 
-def depart(h, dt, tolerance, age, x, v, motion):
+def depart(h, dt, tolerance, age, x, v, a, motion):
     k = tangent(axpy(-motion.w2, x, motion.pull), motion.contacts)
-    return flight(x, v, k, motion.b, motion.w2), x, v, h, dt
+    return flight(x, v, k, motion.b, motion.w2), x, v, a, h, dt
 
 
 def arrive(curve, s, h, x1, v1, age, x, v, motion):

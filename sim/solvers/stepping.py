@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sim.handing import carried  # bound to the method's own, where it has one, before it is compiled
 from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
 from sim.vector import ROUNDING, axpy, dot, scale, sub
 
@@ -17,9 +18,9 @@ def goal(age, limit, dt):
     return grid if grid < limit - slack else limit
 
 
-def depart(h, dt, tolerance, age, x, v, motion):
-    x1, v1 = step(h, age, x, v, motion)
-    return interpolant(h, age, x, v, x1, v1, motion), x1, v1, h, dt
+def depart(h, dt, tolerance, age, x, v, a, motion):
+    x1, v1, a1 = carried(h, age, x, v, a, motion)
+    return interpolant(h, x, v, a, x1, v1), x1, v1, a1, h, dt
 
 
 def arrive(curve, s, h, x1, v1, age, x, v, motion):

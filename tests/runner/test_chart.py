@@ -54,7 +54,8 @@ def drawn(folder=".", runs=None, **options):
 
 def lines(axes):
     """(x, y) of each line drawn through points, in the order of the legend."""
-    return [line.get_xydata().T.tolist() for line in axes.get_lines() if line.get_markerfacecolor() != "white"]
+    points = [line for line in axes.get_lines() if line.get_markerfacecolor() != "white" and line.get_gid() != "zero"]
+    return [line.get_xydata().T.tolist() for line in points]
 
 
 def words(figure):
@@ -297,11 +298,25 @@ def test_numbers_read_well(value, expected):
 def test_energy_draws_few_runs_as_they_are(outputs):
     runs = [run for run in rows() if run[DAMPING] == 0]
     figure = drawn(outputs(runs), runs, kind="energy", series=METHOD)
-    expected = [np.abs(run["energy_residual"]) * (TIME / TIME[-1]) ** 2 for run in runs]
+    expected = [run["energy_residual"] * (TIME / TIME[-1]) ** 2 for run in runs]
     assert [line[0] for line in lines(figure.axes[0])] == [TIME.tolist()] * len(runs)
     assert np.array_equal([line[1] for line in lines(figure.axes[0])], expected)
     assert figure.axes[0].get_yscale() == "symlog"
-    assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("time (s)", "|energy residual| (J)")
+    assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("time (s)", "energy residual (J)")
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (-1, -1), (1, -1)], ids=["gains", "losses", "both"])
+def test_energy_gained_stands_above_zero_and_lost_below(outputs, signs):
+    runs = [{**run, "energy_residual": signs[i % 2] * 10.0**-i} for i, run in enumerate(rows()[:6])]
+    figure = drawn(outputs(runs), runs, kind="energy")
+    axes = figure.axes[0]
+    zero, low, high = axes.transData.transform([(0, y) for y in (0, *axes.get_ylim())])[:, 1]
+    ends = axes.transData.transform([(0, run["energy_residual"]) for run in runs])[:, 1] - zero
+    assert np.sign(ends).tolist() == [signs[i % 2] for i in range(6)]
+    assert low - zero < ends.min() and ends.max() < high - zero
+    sizes = np.abs(ends)
+    assert np.all(sizes[:-1] > sizes[1:] + 0.05 * (high - low)), "a decade is some 5 % of the height or more"
+    assert "energy is gained above zero, lost below" in words(figure)
 
 
 def test_energy_of_like_runs_keeps_its_sign(outputs):
@@ -315,7 +330,7 @@ def test_energy_of_like_runs_keeps_its_sign(outputs):
 def test_energy_draws_many_runs_as_median_and_band(outputs):
     figure = drawn(outputs(rows()), kind="energy", series=METHOD)
     for method, line, band in zip(METHODS, lines(figure.axes[0]), figure.axes[0].collections, strict=True):
-        ends = [abs(run["energy_residual"]) for run in rows() if run[METHOD] == method]
+        ends = [run["energy_residual"] for run in rows() if run[METHOD] == method]
         assert line[0] == TIME.round(9).tolist()
         assert np.allclose(line[1], median(ends) * (TIME / TIME[-1]) ** 2, rtol=1e-12)
         edges = [y for x, y in band.get_paths()[0].vertices if x == line[0][-1]]

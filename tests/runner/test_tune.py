@@ -156,6 +156,25 @@ def test_what_is_recommended_meets_the_target_and_nothing_cheaper_does(here, cou
     assert (found.alive, found.bounces, found.ball_seconds) == (2, 0, 2.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("scene", ["corridor", "baffles", "box"])
+def test_on_the_three_scenes_the_recommendation_holds(scene, target):
+    """Run by itself it ends where it was said to, and no coarser setting, nor another method for less, stays below the target."""
+    file = Path(__file__).parents[2] / "configs" / f"work_precision_{scene}.yaml"
+    found = tune.tune(load(file), target)
+    best = found.best
+    knobs = {"solver.method": best.method, f"solver.{best.knob}": best.best.setting, "solver.contact": best.contact}
+    error = execute.run(load(file, knobs | {"repeats": 1})).summary["position_error_rms"]
+    assert error == best.best.error < target
+    assert len(found.candidates) == 9
+    for each in found.candidates:
+        assert each.seconds >= best.seconds
+        # what is coarser than the coarsest trusted one misses the target, or met it by luck: a finer one misses it
+        trusted = [t for t in each.found.trials if all(u.error < target for u in each.found.trials if u.setting <= t.setting)]
+        assert each.found.best is None or each.found.best == trusted[0]
+
+
 def test_a_longer_step_that_costs_more_is_not_taken(here, monkeypatch):
     """As where it makes the search for a touch harder."""
     monkeypatch.setattr(tune, "_seconds", lambda simulation: 1.0 if simulation.solver.step < 0.02 else 2.0)

@@ -206,7 +206,7 @@ def test_steps_and_energy_of_an_adaptive_method(method, tolerance):
     low, high = 1e-3, 1.0
     while high - low > 1e-9:
         h = (low + high) / 2
-        _, _, dx, dv = embedded(h, 0.0, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), spring)
+        _, _, _, dx, dv = embedded(h, 0.0, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), spring)
         error = max(np.linalg.norm(dx), np.linalg.norm(dv)) / 2  # 1 + |x| = 2
         low, high = (low, h) if error > 0.9**5 * tolerance else (h, high)
     assert flight.steps == pytest.approx(1000 / low, rel=0.01)

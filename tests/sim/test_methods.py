@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim import forces, integrators, jit
+from sim import engines, forces, integrators, jit
 from sim.simulate import Scene
 from tests.sim import plain
 from tests.sim.helpers import AIR, CORRIDOR, FREE, LIFT, WELL, balls, fly, random_balls
@@ -149,7 +149,8 @@ def test_evaluations(method):
     claim, step, _ = integrators.load(method)
     field = forces.pack([WELL, AIR], (0.0, -9.8, 0.0), 1.0)
     jit.bind(step, compiled=False, acceleration=counted)(0.1, 0.0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0), field)
-    assert len(calls) == claim.evaluations
+    # by itself it has none that the step before has left
+    assert len(calls) == claim.evaluations + engines.steps(method)["CARRIES"]
 
 
 def test_rk4_original_is_of_second_order_in_a_spring():
