@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import gc
 import multiprocessing
 import os
 import shutil
@@ -17,6 +18,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timezone
+from functools import cache
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -136,7 +138,14 @@ def perform(task: Task) -> str:
     except Exception as error:
         report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
     report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
+    _leave_alone()
     return _publish(task, made, report)
+
+
+@cache
+def _leave_alone() -> None:
+    """After the first run: the libraries stay, so that the collector need not look through them time and again."""
+    gc.freeze()
 
 
 _last = None  # the simulation before, whose geometry the next one mostly has, too
