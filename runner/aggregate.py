@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner import store
 from runner.columns import COLUMNS, TEXTS, WHOLE
+from runner.errors import RunError
 from runner.settings import leaves
 
 if TYPE_CHECKING:
@@ -24,16 +27,23 @@ def summarise(folder: Path, keys: list[str]) -> pyarrow.Table:
     import pyarrow.parquet
 
     table = build(store.read_runs(folder), keys)
-    store.write_with(folder / f"{store.SUMMARY}.parquet", lambda path: pyarrow.parquet.write_table(table, path))
+    parquet = partial(pyarrow.parquet.write_table, table, write_page_checksum=True)
+    store.write_with(folder / f"{store.SUMMARY}.parquet", parquet)
     store.write_with(folder / f"{store.SUMMARY}.csv", lambda path: pyarrow.csv.write_csv(table, path))
     return table
 
 
 def read(folder: Path) -> pyarrow.Table:
-    """The summary as last written. Raises FileNotFoundError when there is none."""
+    """The summary as last written. Raises FileNotFoundError when there is none, RunError when it is damaged."""
     import pyarrow.parquet
 
-    return pyarrow.parquet.read_table(folder / f"{store.SUMMARY}.parquet")
+    path = folder / f"{store.SUMMARY}.parquet"
+    try:
+        return pyarrow.parquet.read_table(path, page_checksum_verification=True)
+    except (pyarrow.ArrowInvalid, OSError) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise RunError(f"{path}: cut or changed; `carom status {shlex.quote(str(folder))} --repair` makes it again") from None
 
 
 def build(reports: list[dict[str, Any]], keys: list[str]) -> pyarrow.Table:

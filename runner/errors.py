@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -32,3 +34,11 @@ class InputError(Exception):
 
 class RunError(Exception):
     """A run or its files could not be completed; str() is one line. The command line exits with 1."""
+
+
+class Damaged(RunError):
+    """A file of a run, or of a pack of runs, is not as it was made; `path` is <output>/runs/<run or pack>/<file>."""
+
+    def __init__(self, path: Path, reason: str):
+        self.path, self.reason = path, reason
+        super().__init__(f"{path}: {reason}; `carom status {shlex.quote(str(path.parents[2]))} --repair` makes it again")

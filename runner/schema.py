@@ -159,6 +159,8 @@ class BallsModel(Model):
 class RecordModel(Model):
     every: Positive = 0.01  # s between recorded frames
     formats: list[Literal[*record.names()]] = record.names()
+    #: runs that share a folder once they are made, and a file of each format; no part of a run, whose result it cannot change
+    pack: Annotated[int, Field(ge=2, le=10_000)] | None = Field(None, exclude=True)
 
     @model_validator(mode="after")
     def _once_each(self):

@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner import aggregate, chart, machine, pool, reference, report, store, worker
+from runner import aggregate, chart, machine, packing, pool, reference, report, store, worker
 from runner.config import Experiment, Run, load
 from runner.errors import InputError, RunError
 from runner.plan import Plan, plan
@@ -93,7 +93,14 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             # a kernel that cannot be compiled is told by the runs that need it
             workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
             progress.running(len(tasks))
-            workers.carry_out(worker.perform, tasks, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
+            size = work.experiment.base.setup.record.pack
+            wave = jobs * size if size else len(tasks)  # runs between two looks for what can be packed
+            for first in range(0, len(tasks), wave):
+                part = tasks[first : first + wave]
+                workers.carry_out(worker.perform, part, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
+                # what cannot be packed keeps its own folders
+                workers.carry_out(packing.pack, packing.due(work.folder, aside, size), lambda *_: None, lambda *_: None)
+        packing.tidy(work.folder, aside)
 
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:

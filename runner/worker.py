@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import signal
 import time
@@ -85,6 +84,6 @@ def _empty_folder(task: Task) -> Path:
 
 
 def _publish(task: Task, made: Path, report: dict[str, Any]) -> str:
-    (made / store.RUN).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    store.write_contents(made, store.RUN, report)
     store.publish(made, task.final, task.replace)
     return report["status"]

@@ -8,6 +8,8 @@ H5MD's own `unit` is present MDAnalysis wants to convert it, and stops on metres
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,12 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner import store
+from runner.errors import Damaged
 from runner.result import Result
 
 if TYPE_CHECKING:
     import h5py
 
-FILE = "trajectory.h5"
+FILE, PACKED = "trajectory.h5", "trajectories.h5"
 
 UNITS = {
     "time": "s",
@@ -47,6 +51,32 @@ def write(result: Result, path: Path) -> None:
         _write_energy(file, result, frames)
         _write_events(file, result)
         _write_parameters(file, result)
+
+
+def join(files: dict[str, Path], path: Path) -> None:
+    """Write what the runs' `files` hold to the new file `path`, each run's in a group named by its id."""
+    import h5py
+
+    with h5py.File(path, "w", libver=("v110", "v110")) as packed:
+        for run_id, file in files.items():
+            with h5py.File(file) as one:
+                packed.copy(one["/"], packed, name=run_id)
+
+
+@contextmanager
+def read(entry: Path, run_id: str) -> Iterator[h5py.Group]:
+    """What the run's file holds, in a folder of its own or packed. Raises Damaged where it cannot be read."""
+    import h5py
+
+    packed = store.pack_number(entry)
+    path = entry / (PACKED if packed else FILE)
+    try:
+        with h5py.File(path) as file:
+            yield file[run_id] if packed else file
+    except FileNotFoundError:
+        raise Damaged(path, "missing") from None
+    except (OSError, KeyError, RuntimeError) as error:
+        raise Damaged(path, f"cannot be read: {error}".replace("\n", " ")) from None
 
 
 def _write_header(file: h5py.File) -> None:

@@ -7,7 +7,10 @@ cannot hold a blueprint; `runner.viewer` has the one for all recordings.
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
     import rerun as rr
     from rerun.chunk import Chunk
 
-FILE = "recording.rrd"
+FILE, PACKED = "recording.rrd", "recordings.rrd"
 APPLICATION = "carom"
 
 FLAT_TRIANGLES = 5_000  # a larger mesh shares its vertices and looks smooth: a third of the bytes
@@ -45,6 +48,24 @@ def write(result: Result, path: Path) -> None:
         ChunkStore.from_chunks(chunks).write_rrd(path, application_id=APPLICATION, recording_id=result.run_id)
     except RuntimeError as error:
         raise OSError(f"{path}: {error}") from error
+
+
+def join(files: dict[str, Path], path: Path) -> None:
+    """Write the recordings in the runs' `files` to the new file `path`, where each keeps its recording id."""
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "merge", *map(str, files.values()), "-o", str(path)]
+    # CI=1 keeps rerun from sending usage figures home
+    done = subprocess.run(command, env=os.environ | {"CI": "1", "RUST_LOG": "error"}, capture_output=True, text=True)
+    if done.returncode:
+        raise OSError(f"{path}: {done.stderr.strip() or f'rerun ended with {done.returncode}'}")
+
+
+def take(packed: Path, run_id: str, path: Path) -> None:
+    """Write the run's recording out of the file `packed` to the new file `path`."""
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(packed)
+    (store,) = (each for each in reader.recordings() if each.recording_id == run_id)
+    reader.store(store=store).write_rrd(path, application_id=APPLICATION, recording_id=run_id)
 
 
 def _scene(result: Result) -> Iterator[Chunk]:

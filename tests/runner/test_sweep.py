@@ -76,7 +76,8 @@ def test_the_folder_holds_what_the_readme_says_and_nothing_else(swept):
 def test_run_json_tells_all_of_a_run(swept):
     for run_id, folder in runs_in(swept / "outputs" / "tiny").items():
         report = json.loads((folder / "run.json").read_text())
-        assert set(report) == {"run_id", "status", "error", "parameters", "figures", "timings"}
+        assert set(report) == {"run_id", "status", "error", "parameters", "figures", "timings", "files", "sha256"}
+        assert report["files"].keys() == RUN_FILES - {"run.json"}
         assert (report["run_id"], report["status"], report["error"]) == (run_id, "finished", None)
         assert config.resolve(report["parameters"], swept).run_id == run_id
         assert list(report["figures"]) == list(columns.FIGURES)

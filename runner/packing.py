@@ -1,0 +1,88 @@
+"""Packs: many runs in a few files, as `record.pack` asks for, where a million folders would be too many.
+
+A run is made as ever, in a folder of its own, so that what dies costs one run. Packs are made of runs that are done: written
+aside, renamed, and only then the runs' own folders go. Stopped at any moment, each run is in one place or in both.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+from runner import record, store
+
+
+class Pack(NamedTuple):
+    """Runs to be packed."""
+
+    folder: Path  # the output of the sweep
+    aside: Path  # folder to make the pack in
+    run_ids: tuple[str, ...]
+
+    @property
+    def final(self) -> Path:
+        """What to call it where it cannot be written: its number is not known before it is."""
+        return self.folder / store.RUNS
+
+
+def due(folder: Path, aside: Path, size: int | None) -> list[Pack]:
+    """The packs of `size` runs that can be made of those with a folder of their own; what is left over keeps it."""
+    if size is None:
+        return []
+    single = [entry.name for entry in store.entries(folder) if not store.pack_number(entry)]
+    starts = range(0, len(single) - size + 1, size)
+    return [Pack(folder, aside, tuple(single[start : start + size])) for start in starts]
+
+
+def pack(task: Pack) -> str:
+    """Make the pack, without runs that are damaged; returns what came of it. Raises OSError when it cannot be written."""
+    runs = {run_id: store.run_folder(task.folder, run_id) for run_id in task.run_ids}
+    runs = {run_id: place for run_id, place in runs.items() if not any(store.faults(place))}
+    if not runs:
+        return "damaged"
+    made = task.aside / f"pack-of-{task.run_ids[0]}"
+    made.mkdir()
+    try:
+        _fill(made, runs)
+    except FileNotFoundError:  # another sweep has just packed some of them
+        store.discard(made, task.aside)
+        return "packed elsewhere"
+    _publish(made, task.folder)
+    for place in runs.values():
+        store.discard(place, task.aside)
+    return "packed"
+
+
+def _fill(made: Path, runs: dict[str, Path]) -> None:
+    """Write all that the `runs` hold into the folder `made`."""
+    reports = [store.contents(place) for place in runs.values()]
+    for module in map(record.load, record.names()):
+        if files := {run_id: place / module.FILE for run_id, place in runs.items() if (place / module.FILE).exists()}:
+            module.join(files, made / module.PACKED)
+    with open(made / store.REPORTS, "w", encoding="utf-8") as lines:
+        for report in reports:
+            lines.write(json.dumps({key: report[key] for key in report if key not in ("files", "sha256")}) + "\n")
+    held = {report["run_id"]: list(report["files"]) for report in reports}
+    store.write_contents(made, store.MEMBERS, {"runs": held})
+
+
+def _publish(made: Path, folder: Path) -> None:
+    """Give the pack the next number that is free."""
+    for number in count(1 + max(map(store.pack_number, store.entries(folder)))):
+        final = store.pack_folder(folder, number)
+        try:
+            return os.rename(made, final)
+        except OSError:
+            if not final.exists():
+                raise
+
+
+def tidy(folder: Path, aside: Path) -> None:
+    """Remove packs whose runs have all been made again since."""
+    current = set(store.places(folder).values())
+    for entry in store.entries(folder):
+        if store.pack_number(entry) and entry not in current:
+            store.discard(entry, aside)
