@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
 from runner import record, store
+from runner.errors import Damaged
 
 
 class Pack(NamedTuple):
@@ -28,28 +30,30 @@ class Pack(NamedTuple):
         return self.folder / store.RUNS
 
 
-def due(folder: Path, aside: Path, size: int | None) -> list[Pack]:
-    """The packs of `size` runs that can be made of those with a folder of their own; what is left over keeps it."""
+def batches(folder: Path, size: int | None) -> list[tuple[str, ...]]:
+    """The runs with a folder of their own, `size` at a time; what is left over stays as it is, as all do without a size."""
     if size is None:
         return []
     single = [entry.name for entry in store.entries(folder) if not store.pack_number(entry)]
-    starts = range(0, len(single) - size + 1, size)
-    return [Pack(folder, aside, tuple(single[start : start + size])) for start in starts]
+    return [tuple(single[start : start + size]) for start in range(0, len(single) - size + 1, size)]
 
 
 def pack(task: Pack) -> str:
-    """Make the pack, without runs that are damaged; returns what came of it. Raises OSError when it cannot be written."""
+    """Make the pack, unless a run is damaged, which must not get a new checksum, or another sweep has just packed it.
+
+    Returns what came of it. Raises OSError when the pack cannot be written.
+    """
     runs = {run_id: store.run_folder(task.folder, run_id) for run_id in task.run_ids}
-    runs = {run_id: place for run_id, place in runs.items() if not any(store.faults(place))}
-    if not runs:
-        return "damaged"
+    if any(any(store.faults(place)) for place in runs.values()):
+        return "left"
     made = task.aside / f"pack-of-{task.run_ids[0]}"
+    shutil.rmtree(made, ignore_errors=True)  # of a worker that died over it
     made.mkdir()
     try:
         _fill(made, runs)
-    except FileNotFoundError:  # another sweep has just packed some of them
+    except (FileNotFoundError, Damaged):  # it is gone meanwhile
         store.discard(made, task.aside)
-        return "packed elsewhere"
+        return "left"
     _publish(made, task.folder)
     for place in runs.values():
         store.discard(place, task.aside)

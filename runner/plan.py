@@ -21,6 +21,11 @@ class Plan:
     runs: tuple[Run, ...]
     todo: tuple[Run, ...]
 
+    @property
+    def pack(self) -> int | None:
+        """How many runs share a folder once they are made; None where each keeps its own."""
+        return self.experiment.base.setup.record.pack
+
 
 def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
     """The plan of a sweep into `out`/<name>.

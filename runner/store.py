@@ -210,6 +210,7 @@ def publish(made: Path, final: Path, replace: bool) -> None:
 def discard(entry: Path, aside: Path) -> None:
     """Remove an entry at once: it loses its name before its files go. One that another sweep removed is gone already."""
     gone = aside / f"{entry.name}.gone"
+    shutil.rmtree(gone, ignore_errors=True)  # of a worker that died over it
     try:
         os.rename(entry, gone)
     except FileNotFoundError:
@@ -221,5 +222,5 @@ def provenance(folder: Path) -> dict[str, Any]:
     """What is known of the last sweep into the folder; empty when nothing is."""
     try:
         return json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
-    except (FileNotFoundError, json.JSONDecodeError):
+    except (FileNotFoundError, ValueError):
         return {}

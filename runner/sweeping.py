@@ -68,7 +68,7 @@ def carry_out(
         store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
     except OSError as error:
         raise InputError(f"{work.folder}: cannot be written: {error.strerror or error}") from None
-    if work.todo:
+    if work.todo or packing.batches(work.folder, work.pack):
         _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
     end = datetime.now(timezone.utc).isoformat(timespec="seconds")
     store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, end))
@@ -80,7 +80,8 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
             for run in work.todo
         ]
-        jobs = min(jobs, len(tasks))
+        jobs = max(1, min(jobs, len(tasks)))
+        wave = jobs * work.pack if work.pack else max(1, len(tasks))  # runs to make before some of them are packed
 
         def told(task: Task, status: str) -> None:
             progress.done(task.run_id, status)
@@ -88,18 +89,21 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
                 raise Stopped(task.run_id)
 
         with pool.Workers(jobs) as workers:
+
+            def pack() -> None:
+                packs = [packing.Pack(work.folder, aside, run_ids) for run_ids in packing.batches(work.folder, work.pack)]
+                workers.carry_out(packing.pack, packs, lambda *_: None, lambda *_: None)  # what is not packed stays as it is
+
+            pack()  # what an earlier sweep left
             kernels = _kernels(work.todo, tasks)
             progress.compiling(len(kernels))
             # a kernel that cannot be compiled is told by the runs that need it
             workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
             progress.running(len(tasks))
-            size = work.experiment.base.setup.record.pack
-            wave = jobs * size if size else len(tasks)  # runs between two looks for what can be packed
             for first in range(0, len(tasks), wave):
                 part = tasks[first : first + wave]
                 workers.carry_out(worker.perform, part, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
-                # what cannot be packed keeps its own folders
-                workers.carry_out(packing.pack, packing.due(work.folder, aside, size), lambda *_: None, lambda *_: None)
+                pack()
         packing.tidy(work.folder, aside)
 
 

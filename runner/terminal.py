@@ -49,7 +49,8 @@ class Lines(Progress):
             self._say()
 
     def compiling(self, kernels: int) -> None:
-        print(f"preparing {kernels} kernel{'s' * (kernels > 1)} (compiled at their first use on a machine)", file=sys.stderr)
+        if kernels:
+            print(f"preparing {kernels} kernel{'s' * (kernels > 1)} (compiled at their first use on a machine)", file=sys.stderr)
 
     def running(self, runs: int) -> None:
         self.total, self.last = runs, time.monotonic()

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runner import store
+from runner import seal, store
 from runner.document import suggestion
 from runner.errors import Damaged, InputError
 from runner.record.rrd import APPLICATION, FILE, PACKED, SERIES, take
@@ -84,9 +84,10 @@ def recordings(folder: Path, runs: list[str], scratch: Path) -> list[Path]:
             raise InputError(f"{folder}: no recording of a run {run}{suggestion(run, found)}")
     opened = [name for name in found if name.startswith(tuple(runs))] if runs else list(found)[:MOST_OPENED]
     for entry in {found[name] for name in opened}:
-        for path, reason in store.faults(entry):
-            if path.name in (FILE, PACKED):
-                raise Damaged(path, reason)
+        path = entry / (PACKED if store.pack_number(entry) else FILE)
+        noted = store.contents(entry).get("files", {}).get(path.name)
+        if noted and (wrong := seal.fault(path, noted)):
+            raise Damaged(path, wrong)
     return [_recording(found[name], name, scratch) for name in opened]
 
 

@@ -1,6 +1,7 @@
 """Fixtures shared by the tests."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -83,6 +84,26 @@ def carom(monkeypatch, capsys):
 def inline(monkeypatch):
     """Runs are made in this process instead of in workers."""
     monkeypatch.setattr("runner.pool.Workers", Inline)
+
+
+@pytest.fixture(scope="session")
+def outputs(tmp_path_factory, fall):
+    """Two outputs of four runs: in single/x each has a folder, in packed/x there are two packs. They are only looked at."""
+    from runner.sweeping import sweep
+
+    folder = tmp_path_factory.mktemp("outputs")
+    (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + "matrix: {balls.mass: [1, 2, 3, 4]}\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("runner.pool.Workers", Inline)
+        sweep(folder / "x.yaml", out=folder / "single")
+        sweep(folder / "x.yaml", {"record.pack": 2}, out=folder / "packed")
+    return folder
+
+
+@pytest.fixture
+def copied(here, outputs, inline):
+    """A copy of both in the current folder."""
+    shutil.copytree(outputs, here, dirs_exist_ok=True)
 
 
 @pytest.fixture(scope="session")

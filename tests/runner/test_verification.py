@@ -2,37 +2,15 @@
 
 import os
 import random
-import shutil
 from pathlib import Path
 
 import h5py
 import pytest
 
 from runner import seal, store
-from runner.sweeping import sweep
-from tests.conftest import Inline
 
-MATRIX = "matrix: {balls.mass: [1, 2, 3, 4]}\n"
 FILES = {"single": ["trajectory.h5", "recording.rrd", "run.json"],
          "packed": ["trajectories.h5", "recordings.rrd", "runs.jsonl", "pack.json"]}  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def outputs(tmp_path_factory, fall):
-    """Two outputs of the same four runs: one in which each has a folder, one with two packs. They are only looked at."""
-    folder = tmp_path_factory.mktemp("outputs")
-    (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + MATRIX)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("runner.pool.Workers", Inline)
-        sweep(folder / "x.yaml", out=folder / "single")
-        sweep(folder / "x.yaml", {"record.pack": 2}, out=folder / "packed")
-    return folder
-
-
-@pytest.fixture
-def copied(here, outputs, inline):
-    """A copy of both in the current folder."""
-    shutil.copytree(outputs, here, dirs_exist_ok=True)
 
 
 def flip(path: Path, place: int | None = None) -> None:
@@ -135,9 +113,10 @@ def test_a_report_without_its_checksum_is_told(copied, carom):
 
 
 @pytest.mark.parametrize("layout", FILES)
-@pytest.mark.parametrize("command", ["status", "summary", "chart", "compare", "sweep"])
+@pytest.mark.parametrize("command", ["status", "summary", "chart", "compare", "sweep", "view"])
 def test_every_command_that_meets_a_damaged_report_says_so(copied, carom, layout, command):
-    path = entry(layout) / {"single": "run.json", "packed": "runs.jsonl"}[layout]
+    reports = "pack.json" if command == "view" else "runs.jsonl"  # a viewer needs no reports
+    path = entry(layout) / {"single": "run.json", "packed": reports}[layout]
     cut(path)
     options = {"compare": ["packed/x"], "sweep": ["-s", "balls.mass=1,2,3,4", "--quiet", "--out", layout]}.get(command, [])
     if command == "chart":
