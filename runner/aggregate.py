@@ -6,6 +6,7 @@ import json
 import shlex
 from functools import partial
 from pathlib import Path
+from sys import intern
 from typing import TYPE_CHECKING, Any
 
 from runner import store
@@ -50,7 +51,8 @@ def build(reports: list[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
     """The table of run reports, in the order of the varied settings."""
     import pyarrow
 
-    settings = [dict(leaves(report["parameters"], keys)) for report in reports]
+    # names are shared: a million runs have thirty million settings
+    settings = [{intern(name): value for name, value in leaves(report["parameters"], keys)} for report in reports]
     varied = keys + [key for key in differing(settings) if key not in keys]
     names = COLUMNS[:3] + varied + COLUMNS[3:]
     columns: dict[str, list] = {name: [] for name in names}

@@ -69,10 +69,11 @@ def test_a_packed_trajectory_holds_all_that_its_file_did(outputs):
 
 
 def test_a_packed_recording_is_taken_out_whole(outputs, tmp_path):
-    run_id = sorted(store.done(outputs / "packed/x"))[2]
-    (path,) = viewer.recordings(outputs / "packed/x", [run_id], tmp_path)
-    command = [sys.executable, "-m", "rerun_cli", "rrd", "compare", path, outputs / "single/x/runs" / run_id / "recording.rrd"]
-    assert subprocess.run(command, capture_output=True).returncode == 0
+    for run_id in store.members(outputs / "packed/x/runs/pack-1"):
+        (path,) = viewer.recordings(outputs / "packed/x", [run_id], tmp_path)
+        own = outputs / "single/x/runs" / run_id / "recording.rrd"
+        compare = [sys.executable, "-m", "rerun_cli", "rrd", "compare", path, own]
+        assert subprocess.run(compare, capture_output=True).returncode == 0
     assert len(viewer.recordings(outputs / "packed/x", [], tmp_path)) == 4
 
 
