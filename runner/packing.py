@@ -17,6 +17,9 @@ from runner import record, store
 from runner.errors import Damaged
 
 
+WAVE = 20_000  # runs to make before what can be packed of them is: as many folders there are at most
+
+
 class Pack(NamedTuple):
     """Runs to be packed."""
 

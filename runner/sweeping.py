@@ -81,7 +81,6 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             for run in work.todo
         ]
         jobs = max(1, min(jobs, len(tasks)))
-        wave = jobs * work.pack if work.pack else max(1, len(tasks))  # runs to make before some of them are packed
 
         def told(task: Task, status: str) -> None:
             progress.done(task.run_id, status)
@@ -100,8 +99,8 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             # a kernel that cannot be compiled is told by the runs that need it
             workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
             progress.running(len(tasks))
-            for first in range(0, len(tasks), wave):
-                part = tasks[first : first + wave]
+            for first in range(0, len(tasks), packing.WAVE):
+                part = tasks[first : first + packing.WAVE]
                 workers.carry_out(worker.perform, part, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
                 pack()
         packing.tidy(work.folder, aside)

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from runner import aggregate, packing, store, viewer
+from runner import aggregate, load, packing, plan, store, sweeping, viewer
 from runner.columns import TIMED
 
 PACK = {"trajectories.h5", "recordings.rrd", "runs.jsonl", "pack.json"}
@@ -98,6 +98,16 @@ def test_only_whole_packs_are_made_and_the_rest_is_packed_when_there_is_more(cop
     assert sweep(carom, "-s", "record.pack=2", "-s", "balls.mass=5,6,7").code == 0
     assert packs("packed/x") == [("pack-1", 2), ("pack-2", 2), ("pack-3", 2)] and len(single("packed/x")) == 1
     assert aggregate.read(Path("packed/x")).num_rows == 7
+
+
+def test_a_large_sweep_packs_on_its_way(here, fall, inline, monkeypatch):
+    """After every four runs here."""
+    monkeypatch.setattr(packing, "WAVE", 4)
+    Path("x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]}\n")
+    work, seen, progress = plan.plan(load("x.yaml", {"record.pack": 3}), Path()), [], sweeping.Progress()
+    progress.done = lambda *_: seen.append(len(single("x")))
+    sweeping.carry_out(work, progress=progress)
+    assert seen == [1, 2, 3, 4, 2, 3, 4, 5, 3, 4] and packs("x") == [("pack-1", 3), ("pack-2", 3), ("pack-3", 3)]
 
 
 def test_an_output_is_packed_later(copied, carom):
