@@ -27,7 +27,7 @@ def summarise(folder: Path, keys: list[str]) -> pyarrow.Table:
     import pyarrow.csv
     import pyarrow.parquet
 
-    table = build(store.read_runs(folder), keys)
+    table = build(list(store.read_runs(folder)), keys)
     parquet = partial(pyarrow.parquet.write_table, table, write_page_checksum=True)
     store.write_with(folder / f"{store.SUMMARY}.parquet", parquet)
     store.write_with(folder / f"{store.SUMMARY}.csv", lambda path: pyarrow.csv.write_csv(table, path))

@@ -98,7 +98,7 @@ def status(
     if verify or repair:
         _verify(folder, repair, jobs)
     runs = experiment.runs()
-    reports = store.read_runs(folder, (run.run_id for run in runs))
+    reports = list(store.read_runs(folder, (run.run_id for run in runs)))
     bad = [report for report in reports if failed(report)]
     others = len(store.done(folder)) - len(reports)
     print(f"done {len(reports) - len(bad)}, failed {len(bad)}, todo {len(runs) - len(reports)}")
@@ -331,7 +331,7 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     from runner import expect, store, terminal
     from runner.plan import failed
 
-    reports = store.read_runs(work.folder, (run.run_id for run in work.runs))
+    reports = list(store.read_runs(work.folder, (run.run_id for run in work.runs)))
     verdicts = expect.verdicts(work.experiment.expect, reports)
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]

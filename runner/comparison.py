@@ -57,10 +57,10 @@ def differences(a: Path, b: Path, rtol: float) -> Iterator[str]:
 
 def _runs(folder: Path) -> dict[str, dict[str, Any]]:
     """The folder's runs by their parameters as text."""
-    reports = store.read_runs(folder)
-    if not reports:
+    runs = {json.dumps(report["parameters"], sort_keys=True): report for report in store.read_runs(folder)}
+    if not runs:
         raise InputError(f"{folder}: holds no runs")
-    return {json.dumps(report["parameters"], sort_keys=True): report for report in reports}
+    return runs
 
 
 def _meet(ours: dict[str, Any], theirs: dict[str, Any], a: Path, b: Path) -> None:

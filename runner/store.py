@@ -80,20 +80,29 @@ def holding(folder: Path, name: str) -> dict[str, Path]:
 
 
 def read_run(folder: Path, run_id: str) -> dict[str, Any]:
-    return read_runs(folder, [run_id])[0]
+    (report,) = read_runs(folder, [run_id])
+    return report
 
 
-def read_runs(folder: Path, run_ids: Iterable[str] | None = None) -> list[dict[str, Any]]:
-    """The reports of those of the runs that are done; without `run_ids` of all, in order of id. Raises Damaged."""
+def read_runs(folder: Path, run_ids: Iterable[str] | None = None) -> Iterator[dict[str, Any]]:
+    """The reports of those of the runs that are done, a pack after the other; without `run_ids` of all, in order of id.
+
+    Raises Damaged.
+    """
     found = places(folder)
-    run_ids = sorted(found) if run_ids is None else [run_id for run_id in run_ids if run_id in found]
-    try:
-        packed = {entry: _reports(entry) for entry in {found[run_id] for run_id in run_ids} if pack_number(entry)}
-        return [packed[found[each]][each] if found[each] in packed else contents(found[each]) for each in run_ids]
-    except Damaged as error:
-        if error.path.parent.exists():
-            raise
-        return read_runs(folder, run_ids)  # another sweep has just packed it
+    together: dict[Path, list[str]] = {}
+    for run_id in sorted(found) if run_ids is None else run_ids:
+        if run_id in found:
+            together.setdefault(found[run_id], []).append(run_id)
+    for entry, run_ids in together.items():
+        try:
+            reports = _reports(entry) if pack_number(entry) else {entry.name: contents(entry)}
+        except Damaged:
+            if entry.exists():
+                raise
+            yield from read_runs(folder, run_ids)  # another sweep has just packed it
+        else:
+            yield from (reports[run_id] for run_id in run_ids)
 
 
 def _reports(pack: Path) -> dict[str, dict[str, Any]]:

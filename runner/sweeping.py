@@ -93,7 +93,6 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
                 packs = [packing.Pack(work.folder, aside, run_ids) for run_ids in packing.batches(work.folder, work.pack)]
                 workers.carry_out(packing.pack, packs, lambda *_: None, lambda *_: None)  # what is not packed stays as it is
 
-            pack()  # what an earlier sweep left
             kernels = _kernels(work.todo, tasks)
             progress.compiling(len(kernels))
             # a kernel that cannot be compiled is told by the runs that need it
@@ -101,8 +100,9 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
             progress.running(len(tasks))
             for first in range(0, len(tasks), packing.WAVE):
                 part = tasks[first : first + packing.WAVE]
-                workers.carry_out(worker.perform, part, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
                 pack()
+                workers.carry_out(worker.perform, part, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
+            pack()
         packing.tidy(work.folder, aside)
 
 

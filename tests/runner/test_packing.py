@@ -120,9 +120,27 @@ def test_of_two_copies_the_newest_counts(copied, carom):
     """A sweep that was killed after it made a pack, before it removed the runs' own folders, leaves both."""
     run_id = min(store.done(Path("packed/x")))
     shutil.copytree(f"single/x/runs/{run_id}", f"packed/x/runs/{run_id}")
-    assert store.places(Path("packed/x"))[run_id].name == run_id and len(store.read_runs(Path("packed/x"))) == 4
+    assert store.places(Path("packed/x"))[run_id].name == run_id and len(list(store.read_runs(Path("packed/x")))) == 4
     assert sweep(carom, "--fresh", "-s", "record.pack=2").code == 0
     assert packs("packed/x") == [("pack-3", 2), ("pack-4", 2)] and single("packed/x") == []
+
+
+def test_a_run_that_is_packed_while_it_is_looked_for(copied, monkeypatch):
+    """Another sweep does so between the look at what there is and the reading."""
+    folder, look = Path("single/x"), store.places
+    with monkeypatch.context() as patch:
+
+        def places(folder):
+            found = look(folder)
+            patch.setattr(store, "places", look)
+            with store.aside(folder) as aside:
+                for run_ids in packing.batches(folder, 2):
+                    packing.pack(packing.Pack(folder, aside, run_ids))
+            return found
+
+        patch.setattr(store, "places", places)
+        assert len(list(store.read_runs(folder))) == 4
+    assert single(folder) == []
 
 
 def test_a_damaged_run_is_not_packed(copied, carom):
@@ -152,7 +170,7 @@ def test_a_pack_that_cannot_be_written_costs_no_run(copied, monkeypatch, step):
 
 def test_a_kill_while_packing_loses_no_run(copied):
     """At ten moments of it: every run is in one place or in both, and whole."""
-    folder, whole = Path("single/x"), store.read_runs(Path("single/x"))
+    folder, whole = Path("single/x"), list(store.read_runs(Path("single/x")))
     told = [{name: value for name, value in report.items() if name not in ("files", "sha256")} for report in whole]
     with store.aside(folder) as aside:
         for moment in range(10):
@@ -162,7 +180,7 @@ def test_a_kill_while_packing_loses_no_run(copied):
                 process.join(0.03 * moment)
                 process.kill()
                 process.join()
-            found = store.read_runs(folder)
+            found = sorted(store.read_runs(folder), key=lambda report: report["run_id"])
             assert [{name: value for name, value in report.items() if name in told[0]} for report in found] == told
             assert not any(any(store.faults(entry)) for entry in store.entries(folder))
         for run_ids in packing.batches(folder, 2):
