@@ -92,7 +92,8 @@ def outputs(tmp_path_factory, fall):
     from runner.sweeping import sweep
 
     folder = tmp_path_factory.mktemp("outputs")
-    (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + "matrix: {balls.mass: [1, 2, 3, 4]}\n")
+    runs = "matrix: {balls.mass: [1, 2, 3, 4]}\nexpect: [{column: status, equals: finished}]\n"
+    (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + runs)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("runner.pool.Workers", Inline)
         sweep(folder / "x.yaml", out=folder / "single")
