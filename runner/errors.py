@@ -40,5 +40,8 @@ class Damaged(RunError):
     """A file of a run, or of a pack of runs, is not as it was made; `path` is <output>/runs/<run or pack>/<file>."""
 
     def __init__(self, path: Path, reason: str):
+        super().__init__(path, reason)  # what it is made of anew on its way from a worker
         self.path, self.reason = path, reason
-        super().__init__(f"{path}: {reason}; `carom status {shlex.quote(str(path.parents[2]))} --repair` makes it again")
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}; `carom status {shlex.quote(str(self.path.parents[2]))} --repair` makes it again"

@@ -1,6 +1,7 @@
 """Damage to an output: noticed, told in a line, and made again without touching anything else."""
 
 import os
+import pickle
 import random
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import h5py
 import pytest
 
 from runner import seal, store
+from runner.errors import Damaged
 
 FILES = {"single": ["trajectory.h5", "recording.rrd", "run.json"],
          "packed": ["trajectories.h5", "recordings.rrd", "runs.jsonl", "pack.json"]}  # fmt: skip
@@ -110,6 +112,12 @@ def test_a_report_without_its_checksum_is_told(copied, carom):
     code, out, _ = carom("status", "single/x", "--verify")
     assert code == 1 and out.startswith(f"{path}: has no checksums, as older versions made it\n")
     assert carom("summary", "single/x").code == 0
+
+
+def test_what_a_worker_finds_damaged_is_told_by_the_parent():
+    error = Damaged(Path("outputs/x/runs/a/run.json"), "missing")
+    told = pickle.loads(pickle.dumps(error))
+    assert str(told) == "outputs/x/runs/a/run.json: missing; `carom status outputs/x --repair` makes it again"
 
 
 @pytest.mark.parametrize("layout", FILES)
