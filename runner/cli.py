@@ -294,7 +294,11 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     from runner.plan import failed
 
     finished = store.done(work.folder)
-    reports = [store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in finished]
+    kept = ("run_id", "status", "error", *(("parameters", "figures") if work.experiment.expect else ()))
+    reports = [
+        {key: report[key] for key in kept}
+        for report in (store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in finished)
+    ]
     verdicts = expect.verdicts(work.experiment.expect, reports)
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]

@@ -33,7 +33,7 @@ def differences(a: Path, b: Path, rtol: float) -> Iterator[str]:
 
 def _runs(folder: Path) -> dict[str, dict[str, Any]]:
     """The folder's runs by their parameters as text."""
-    reports = store.read_runs(folder)
+    reports = list(store.read_runs(folder))
     if not reports:
         raise InputError(f"{folder}: holds no runs")
     return {json.dumps(report["parameters"], sort_keys=True): report for report in reports}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -54,7 +55,9 @@ def write(folder: Path, experiment: Experiment, runs: Sequence[Run], table: pyar
         headings=[(name, label(name), _numeric(table[name])) for name in varied],
         data={
             "rows": list(zip(*([text(value) for value in table[name].to_pylist()] for name in varied))),
-            "recorded": [(store.run_folder(folder, run_id) / RECORDING).exists() for run_id in table["run_id"].to_pylist()],
+            "recorded": [
+                os.path.exists(os.path.join(folder, store.RUNS, run_id, RECORDING)) for run_id in table["run_id"].to_pylist()
+            ],
             "view": f"carom view {shlex.quote(str(folder))}",
         },
         failed=[row for row in table.select(["run_id", "status", "error"]).to_pylist() if row["status"] in FAILURES],

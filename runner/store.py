@@ -28,12 +28,14 @@ def done(folder: Path) -> set[str]:
 
 
 def read_run(folder: Path, run_id: str) -> dict[str, Any]:
-    return json.loads((run_folder(folder, run_id) / RUN).read_text())
+    with open(os.path.join(folder, RUNS, run_id, RUN), "rb") as file:
+        return json.load(file)
 
 
-def read_runs(folder: Path) -> list[dict[str, Any]]:
+def read_runs(folder: Path) -> Iterator[dict[str, Any]]:
     """The run.json of every run that is done, in order of id."""
-    return [read_run(folder, run_id) for run_id in sorted(done(folder))]
+    for run_id in sorted(done(folder)):
+        yield read_run(folder, run_id)
 
 
 def write_text(path: Path, text: str) -> None:

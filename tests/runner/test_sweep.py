@@ -262,7 +262,7 @@ def test_fail_fast_stops_at_the_first_failure(here, carom_process, fall):
     masses = ",".join(str(mass) for mass in range(1, 101))
     options = ["-s", "record.every=1e-15,0.01", "-s", f"balls.mass={masses}", "--jobs", "1", "--fail-fast"]
     code, _, err = carom_process("sweep", "x.yaml", *options, cwd=here)
-    made = store.read_runs(here / "outputs" / "x")
+    made = list(store.read_runs(here / "outputs" / "x"))
     assert code == 1 and "200 to do" in err
     assert 1 <= len(made) < 50 and {report["status"] for report in made} == {"failed"}
     assert not list((here / "outputs").rglob(".*"))
