@@ -174,6 +174,7 @@ def _table(title: str, values: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
+@lru_cache(maxsize=1000)  # much of it stands in every recording
 def _plain(text: str) -> str:
     """Markdown that shows `text` on one line and as it is: a height of 2*x*z has no italics."""
     return " ".join(text.split()).translate(ESCAPED)
@@ -241,6 +242,7 @@ def _shaded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return vertices, triangles, normals / np.where(length > 0, length, 1)
 
 
+@lru_cache(maxsize=8)
 def _colors(count: int, brightness: float = 0.65, contrast: float = 0.35, alpha: float = 1.0) -> np.ndarray:
     """(count, 4) RGBA bytes; neighbours differ, since their hues are a golden ratio of the circle apart."""
     hue = 0.6180339887 * np.arange(count)[:, None] + [0, 1 / 3, 2 / 3]
