@@ -137,11 +137,11 @@ def _run(document: Document, values: Values, base: Run | None = None) -> Run:
         data = with_value(data, split(key), setting.value)
     origins = {split(key): setting.origin for key, setting in values.items()}
     if base:
+        parts, context = dict(base.setup), {"folder": document.folder}
         try:
-            parts = {name: getattr(base.setup, name) for name in Setup.model_fields}
             for name in {path[0] for path in origins}:
-                parts[name] = _part(name).validate_json(_json(data[name]), strict=True, context={"folder": document.folder})
-            return Run(Setup.model_validate(parts), document.folder, origins, base)
+                parts[name] = _part(name).validate_json(_json(data[name]), strict=True, context=context)
+            return Run(Setup.model_validate(parts, context=context), document.folder, origins, base)
         except ValidationError:
             pass  # what is wrong is told from the whole
     return Run(_validate(Setup, data, document, origins), document.folder, origins)
