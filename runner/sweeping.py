@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Progress:
     """Hears how a sweep goes on; this one says nothing of it."""
 
-    def compiling(self, kernels: int) -> None: ...
+    def compiling(self, kernels: list[str]) -> None: ...
 
     def running(self, runs: int) -> None: ...
 
@@ -89,7 +89,7 @@ def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast
 
         with pool.Workers(jobs) as workers:
             kernels = _kernels(work.todo, tasks)
-            progress.compiling(len(kernels))
+            progress.compiling([_name(task) for task in kernels])
             # a kernel that cannot be compiled is told by the runs that need it
             workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
             progress.running(len(tasks))
@@ -105,6 +105,11 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
             exact = reference.twin(run)
             kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
     return list(kernels.values())
+
+
+def _name(kernel: Task) -> str:
+    solver = kernel.parameters["solver"]
+    return solver["method"] + (" (original contact)" if solver["contact"] == "original" else "")
 
 
 def kernel_key(run: Run) -> tuple:

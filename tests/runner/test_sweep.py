@@ -257,6 +257,12 @@ def test_a_run_larger_than_the_memory_fails_alone(here, carom_process, fall):
     assert sorted(report["status"] for report in reports) == ["failed", "finished"]
 
 
+def test_a_log_names_what_is_compiled(here, carom, inline, fall):
+    Path("x.yaml").write_text(fall)
+    code, _, err = carom("sweep", "x.yaml", "-s", "balls.mass=1,2")
+    assert code == 0 and "\npreparing 1 kernel (explicit_euler (original contact)), compiled at the first use" in err
+
+
 def test_fail_fast_stops_at_the_first_failure(here, carom_process, fall):
     Path("x.yaml").write_text(fall)
     masses = ",".join(str(mass) for mass in range(1, 101))
