@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import shutil
 import signal
@@ -9,6 +10,7 @@ import time
 import traceback
 from collections.abc import Callable
 from datetime import datetime, timezone
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -67,7 +69,14 @@ def perform(task: Task) -> str:
     except Exception as error:
         report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
     report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
+    _leave_alone()
     return _publish(task, made, report)
+
+
+@cache
+def _leave_alone() -> None:
+    """After the first run: the libraries stay, so that the collector need not look through them time and again."""
+    gc.freeze()
 
 
 _last = None  # the simulation before, whose geometry the next one mostly has, too
