@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import shlex
+from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
+from sys import intern
 from typing import TYPE_CHECKING, Any
 
 from runner import store
 from runner.columns import COLUMNS, TEXTS, WHOLE
+from runner.errors import RunError
 from runner.settings import leaves
 
 if TYPE_CHECKING:
@@ -24,31 +29,41 @@ def summarise(folder: Path, keys: list[str]) -> pyarrow.Table:
     import pyarrow.parquet
 
     table = build(store.read_runs(folder), keys)
-    store.write_with(folder / f"{store.SUMMARY}.parquet", lambda path: pyarrow.parquet.write_table(table, path))
+    parquet = partial(pyarrow.parquet.write_table, table, write_page_checksum=True)
+    store.write_with(folder / f"{store.SUMMARY}.parquet", parquet)
     store.write_with(folder / f"{store.SUMMARY}.csv", lambda path: pyarrow.csv.write_csv(table, path))
     return table
 
 
 def read(folder: Path) -> pyarrow.Table:
-    """The summary as last written. Raises FileNotFoundError when there is none."""
+    """The summary as last written. Raises FileNotFoundError when there is none, RunError when it is damaged."""
     import pyarrow.parquet
 
-    return pyarrow.parquet.read_table(folder / f"{store.SUMMARY}.parquet")
+    path = folder / f"{store.SUMMARY}.parquet"
+    try:
+        return pyarrow.parquet.read_table(path, page_checksum_verification=True)
+    except (pyarrow.ArrowInvalid, OSError) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise RunError(f"{path}: cut or changed; `carom status {shlex.quote(str(folder))} --repair` makes it again") from None
 
 
-def build(reports: list[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
+def build(reports: Iterable[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
     """The table of run reports, in the order of the varied settings."""
     import pyarrow
 
-    settings = [dict(leaves(report["parameters"], keys)) for report in reports]
+    rows, settings = [], []  # less than the reports: of ten thousand those take a hundred megabytes
+    for report in reports:
+        told = {**report["figures"], **report.get("timings", {}), **{k: report[k] for k in ("run_id", "status", "error")}}
+        rows.append([told.get(name) for name in COLUMNS])
+        # names are shared: a million runs have thirty million settings
+        settings.append({intern(name): value for name, value in leaves(report["parameters"], keys)})
     varied = keys + [key for key in differing(settings) if key not in keys]
-    names = COLUMNS[:3] + varied + COLUMNS[3:]
-    columns: dict[str, list] = {name: [] for name in names}
-    for report, values in sorted(zip(reports, settings), key=lambda pair: [_rank(pair[1].get(key)) for key in varied]):
-        row = {**report["figures"], **report.get("timings", {}), **{k: report[k] for k in ("run_id", "status", "error")}}
-        for name in names:
-            columns[name].append(values.get(name) if name in varied else row.get(name))
-    return pyarrow.table({name: _typed(name, columns[name], name in varied) for name in names})
+    order = sorted(range(len(rows)), key=lambda number: [_rank(settings[number].get(key)) for key in varied])
+    columns = {name: _typed(name, [rows[number][place] for number in order]) for place, name in enumerate(COLUMNS)}
+    added = {key: _typed(key, [settings[number].get(key) for number in order], setting=True) for key in varied}
+    first = {name: columns[name] for name in COLUMNS[:3]}
+    return pyarrow.table({**first, **added, **columns})
 
 
 def differing(settings: list[dict[str, Any]]) -> list[str]:
@@ -61,7 +76,7 @@ def differing(settings: list[dict[str, Any]]) -> list[str]:
     ]
 
 
-def _typed(name: str, values: list, setting: bool):
+def _typed(name: str, values: list, setting: bool = False):
     import pyarrow
 
     if name in TEXTS:

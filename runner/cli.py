@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -52,6 +53,12 @@ def sweep(
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Make failed runs again.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first run that fails.")] = False,
     timeout: Annotated[Optional[float], typer.Option(min=0, help="Seconds that a run may take.")] = None,
+    cluster: Annotated[
+        Optional[str], typer.Option(metavar="ADDRESS", help="Run on the workers of this Dask scheduler, tcp://host:port.")
+    ] = None,
+    gather: Annotated[
+        bool, typer.Option("--gather", help="Have the cluster send files back: it does not share the output folder.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Hold the runs against `expect`; exit 1 if one is broken.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Start more than 100,000 runs without asking.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
@@ -73,12 +80,8 @@ def sweep(
         raise typer.Exit(0 if _judge(work, check, quiet) else 1)
     stopped = None
     try:
-        _end_as_interrupt()
-        with terminal.progress(quiet) as progress:
-            sweeping.carry_out(work, jobs, timeout, fresh or retry_failed, fail_fast, progress)
-    except KeyboardInterrupt:
-        print(f"interrupted: {_finished(work)} runs are kept; the same command goes on with the rest", file=sys.stderr)
-        raise typer.Exit(130) from None
+        with _interruptible(work), terminal.progress(quiet) as progress:
+            sweeping.carry_out(work, jobs, timeout, fresh or retry_failed, fail_fast, progress, cluster, gather)
     except sweeping.Stopped as error:
         stopped = str(error)
     sweeping.finish(work)
@@ -87,16 +90,23 @@ def sweep(
 
 
 @app.command()
-def status(folder: Folder) -> None:
-    """How many runs are done, failed and to do."""
+def status(
+    folder: Folder,
+    verify: Annotated[bool, typer.Option("--verify", help="Hold every file against its checksum; exit 1 if one differs.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Make runs again that --verify finds damaged, and the summary.")] = False,
+    jobs: Annotated[Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes of --repair.")] = None,
+) -> None:
+    """How many runs are done, failed and to do; whether their files are as they were made."""
     from runner import store
     from runner.plan import existing, failed
 
     experiment = existing(folder)
-    runs, finished = experiment.runs(), store.done(folder)
-    reports = [store.read_run(folder, run.run_id) for run in runs if run.run_id in finished]
+    if verify or repair:
+        _verify(folder, repair, jobs)
+    runs = experiment.runs()
+    reports = list(store.read_runs(folder, (run.run_id for run in runs)))
     bad = [report for report in reports if failed(report)]
-    others = len(finished) - len(reports)
+    others = len(store.done(folder)) - len(reports)
     print(f"done {len(reports) - len(bad)}, failed {len(bad)}, todo {len(runs) - len(reports)}")
     if others:
         print(f"{others} more runs are there, of other settings")
@@ -146,8 +156,8 @@ def view(
 
     from runner import viewer
 
-    recordings = viewer.recordings(folder, runs or [])
     with tempfile.TemporaryDirectory() as scratch:
+        recordings = viewer.recordings(folder, runs or [], Path(scratch))
         blueprint = Path(scratch) / "carom.rbl"
         viewer.write_blueprint(blueprint)
         # CI=1 keeps the viewer from sending usage figures home
@@ -264,6 +274,40 @@ def _load(file: Path, overrides: list[str] | None, single: str = ""):
     return config.check(loaded)
 
 
+def _verify(folder: Path, repair: bool, jobs: int | None) -> None:
+    """Say what is damaged, and with `repair` make it again; exit 1 while something is."""
+    from runner import sweeping, terminal, verification
+
+    found = verification.damages(folder)
+    for damage in found:
+        print(damage)
+    if repair:
+        work, lost = verification.plan_repair(folder, found)
+        for run_id in lost:
+            print(f"{run_id}: cannot be made again: of settings that {folder} has no more, or of another version of carom")
+        if work.todo:
+            with _interruptible(work), terminal.progress(quiet=False) as progress:
+                sweeping.carry_out(work, jobs, replace=True, progress=progress)
+        if not lost:
+            sweeping.finish(work)
+        found = verification.damages(folder)
+    if found:
+        print(f"{len(found)} files are damaged" + ("" if repair else f"; `carom status {folder} --repair` makes their runs again"))
+        raise typer.Exit(1)
+    print("every file is as it was made")
+
+
+@contextmanager
+def _interruptible(work):
+    """Around a sweep at work: Ctrl-C or SIGTERM ends it, and is told with what is kept."""
+    try:
+        _end_as_interrupt()
+        yield
+    except KeyboardInterrupt:
+        print(f"interrupted: {_finished(work)} runs are kept; the same command goes on with the rest", file=sys.stderr)
+        raise typer.Exit(130) from None
+
+
 def _end_as_interrupt() -> None:
     """Let SIGTERM end the sweep as Ctrl-C does, and once only: a second one must not cut short what the first began."""
     import signal
@@ -293,8 +337,8 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     from runner import expect, store, terminal
     from runner.plan import failed
 
-    finished = store.done(work.folder)
-    reports = [store.read_run(work.folder, run.run_id) for run in work.runs if run.run_id in finished]
+    kept = ("run_id", "status", "error", *(("parameters", "figures") if work.experiment.expect else ()))
+    reports = [{key: report[key] for key in kept} for report in store.read_runs(work.folder, (run.run_id for run in work.runs))]
     verdicts = expect.verdicts(work.experiment.expect, reports)
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]

@@ -6,12 +6,12 @@ import hashlib
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 import sim
 from runner import chart
@@ -32,11 +32,16 @@ class Run:
     setup: Setup
     folder: Path  # that file names in the setup are relative to
     origins: Mapping[Path_, Path_] = field(default_factory=dict)  # path of a setting that varies -> where in the document
+    base: Run | None = None  # the run of the file's own values, with which it shares what does not vary
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """The resolved configuration as JSON would hold it."""
-        return self.setup.model_dump(mode="json")
+        """The resolved configuration as JSON would hold it; not to be changed, as runs share parts of it."""
+        shared = self.base.setup if self.base else None
+        return {
+            name: self.base.parameters[name] if shared and part is getattr(shared, name) else _plain(part)
+            for name, part in self.setup
+        }
 
     @cached_property
     def run_id(self) -> str:
@@ -68,7 +73,7 @@ class Experiment:
         runs, faults = {}, {}
         for values in self.matrix.combinations(self.base.parameters):
             try:
-                run = _run(self.document, values)
+                run = _run(self.document, values, self.base)
                 runs.setdefault(run.run_id, run)
             except InputError as error:
                 faults.update(dict.fromkeys(error.faults))
@@ -124,13 +129,34 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
 
 
-def _run(document: Document, values: Values) -> Run:
-    """The run of the file's own settings with `values` instead."""
+def _run(document: Document, values: Values, base: Run | None = None) -> Run:
+    """The run of the file's own settings with `values` instead. Of a sweep of many, only the parts with a value are checked
+    anew; the others are those of `base`, the run without `values`."""
     data = {key: value for key, value in document.data.items() if key in Setup.model_fields}
     for key, setting in values.items():
         data = with_value(data, split(key), setting.value)
     origins = {split(key): setting.origin for key, setting in values.items()}
+    if base:
+        parts, context = dict(base.setup), {"folder": document.folder}
+        try:
+            for name in {path[0] for path in origins}:
+                parts[name] = _part(name).validate_json(_json(data[name]), strict=True, context=context)
+            return Run(Setup.model_validate(parts, context=context), document.folder, origins, base)
+        except ValidationError:
+            pass  # what is wrong is told from the whole
     return Run(_validate(Setup, data, document, origins), document.folder, origins)
+
+
+@cache
+def _part(name: str) -> TypeAdapter:
+    """What checks the part `name` of a setup."""
+    field = Setup.model_fields[name]
+    return TypeAdapter(Annotated[field.annotation, field])
+
+
+def _plain(part: Any) -> Any:
+    """A part of a setup as JSON would hold it."""
+    return part.model_dump(mode="json") if isinstance(part, BaseModel) else part
 
 
 def _validate(model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}) -> Any:

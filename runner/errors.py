@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -32,3 +34,14 @@ class InputError(Exception):
 
 class RunError(Exception):
     """A run or its files could not be completed; str() is one line. The command line exits with 1."""
+
+
+class Damaged(RunError):
+    """A file of a run, or of a pack of runs, is not as it was made; `path` is <output>/runs/<run or pack>/<file>."""
+
+    def __init__(self, path: Path, reason: str):
+        super().__init__(path, reason)  # what it is made of anew on its way from a worker
+        self.path, self.reason = path, reason
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}; `carom status {shlex.quote(str(self.path.parents[2]))} --repair` makes it again"

@@ -18,11 +18,15 @@ from sim.simulate import Flight, Simulation
 SPREAD = 0.25  # s, over which the repeats of a short flight are spread
 
 
-def prepare(run: Run) -> Simulation:
-    """The run's simulation, its kernel compiled or loaded. Raises sim.model.Invalid when it cannot be built."""
+def prepare(run: Run, like: Simulation | None = None) -> Simulation:
+    """The run's simulation, its kernel compiled or loaded, its geometry taken from `like` where that has the same.
+
+    Raises sim.model.Invalid when it cannot be built.
+    """
     setup = run.setup
     scene, solver = setup.scene.build(run.folder), setup.solver.build(run.folder)
-    simulation = Simulation(scene, setup.balls.build(setup.duration, run.folder), solver, setup.duration, setup.record.every)
+    balls = setup.balls.build(setup.duration, run.folder)
+    simulation = Simulation(scene, balls, solver, setup.duration, setup.record.every, like)
     simulation.warm()
     return simulation
 
@@ -37,7 +41,11 @@ def run(what: Run | Experiment, stop: Callable[[], bool] = lambda: False) -> Res
         one = what.base
         if faults := starts.faults([one], what.document):
             raise InputError(*faults)
-    simulation = prepare(one)
+    return carry_out(one, prepare(one), stop)
+
+
+def carry_out(one: Run, simulation: Simulation, stop: Callable[[], bool]) -> Result:
+    """Simulate the run, whose simulation is prepared."""
     flight, seconds = timed(simulation, one.setup.repeats, stop)
     status, summary = flight.status, figures(simulation, flight, seconds)
     if one.setup.reference and status != "timeout":

@@ -49,7 +49,7 @@ def describe(expectation: Expectation) -> str:
 
 def verdicts(expectations: Sequence[Expectation], reports: Iterable[dict[str, Any]]) -> list[Verdict]:
     """What became of each expectation in the runs of `reports`."""
-    rows = [row(report) for report in reports]
+    rows = [row(report) for report in reports] if expectations else []
     out = []
     for each in expectations:
         matching = [r for r in rows if all(r.get(canonical(key)) == value for key, value in each.where.items())]

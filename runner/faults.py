@@ -94,13 +94,13 @@ def short(value: Any) -> str:
 
 
 def outline(kind: Any, data: Any) -> Any:
-    """`data` with every setting that its type `kind` knows, None where it is left out; what is wrong with it stays wrong."""
+    """`data` with every setting of a run that its type `kind` knows, None where it is left out; what is wrong stays wrong."""
     group = _bare(kind)
     if get_origin(group) in (Union, UnionType) and isinstance(data, dict):
         group = _child(group, data.get("shape", data.get("type")))
     if isinstance(group, type) and issubclass(group, BaseModel) and not (data is None and type(None) in get_args(kind)):
         given = data if isinstance(data, dict) else {}
-        return {name: outline(field.annotation, given.get(name)) for name, field in group.model_fields.items()}
+        return {name: outline(field.annotation, given.get(name)) for name, field in group.model_fields.items() if not field.exclude}
     if isinstance(data, dict):
         return {key: outline(_child(group, key), each) for key, each in data.items()}
     if isinstance(data, list):

@@ -21,6 +21,11 @@ class Plan:
     runs: tuple[Run, ...]
     todo: tuple[Run, ...]
 
+    @property
+    def pack(self) -> int | None:
+        """How many runs share a folder once they are made; None where each keeps its own."""
+        return self.experiment.base.setup.record.pack
+
 
 def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
     """The plan of a sweep into `out`/<name>.
@@ -35,7 +40,7 @@ def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: b
     folder = out / experiment.name
     finished = set() if fresh else store.done(folder)
     if retry_failed:
-        finished -= {run.run_id for run in runs if run.run_id in finished and failed(store.read_run(folder, run.run_id))}
+        finished -= {report["run_id"] for report in store.read_runs(folder, (run.run_id for run in runs)) if failed(report)}
     todo = tuple(run for run in runs if run.run_id not in finished)
     if faults := starts.faults(todo, experiment.document):
         raise InputError(*faults)

@@ -5,19 +5,142 @@ from __future__ import annotations
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import SpawnContext, SpawnProcess
+from queue import SimpleQueue
 from types import ModuleType
+from typing import Protocol
 
 from runner import worker
 from runner.errors import RunError
 from runner.worker import Task
 
-AHEAD = 4  # tasks handed out per worker, so that none waits for the next
-
 Told = Callable[[Task, str], None]
+Lost = Callable[[Task, str, int], bool]
+
+
+class Place(Protocol):
+    """Where tasks are carried out: an executor, and what it was handed and has not brought back, in that order."""
+
+    executor: Executor
+    ahead: int  # tasks to hand it at once, so that none of its processes waits for the next
+    deaths: type[Exception]  # what a task raises whose process died
+    handed: dict[Future, Task]
+
+    def renew(self, future: Future | None) -> tuple[list[Future], str]:
+        """Make good for a process that died: what fell with it, first what it was at, and how it died."""
+
+    def end(self) -> None:
+        """End it at once."""
+
+
+class Workers:
+    """Places that carry out tasks, for a `with` block; however that is left, no process of theirs is there after it."""
+
+    def __init__(self, places: Sequence[Place]):
+        self.places = places
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_) -> None:
+        for place in self.places:
+            place.end()
+        for place in self.places:
+            place.executor.shutdown()
+
+    def prepare(self, kernels: Sequence[Task]) -> None:
+        """Have a kernel for each of the tasks. One that cannot be compiled is told by the runs that need it."""
+        self.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: True)
+
+    def carry_out(self, function: Callable[[Task], str], tasks: Iterable[Task], told: Told, lost: Lost) -> None:
+        """Run `function` over the tasks; `told` hears of each with the status it returns, as they come.
+
+        When a process dies, `lost` hears of the task that it was at, how it died, and how often the task's process has died;
+        unless it says that this was all, the task is tried again when no other is left, alone. Raises RunError when a run
+        cannot be written, or the cluster goes away.
+        """
+        todo, suspects, deaths = deque(tasks), deque(), dict[str, int]()
+        back: SimpleQueue[tuple[Place, Future]] = SimpleQueue()
+
+        def fall(place: Place, future: Future | None = None) -> None:
+            fallen, cause = place.renew(future)
+            at, *behind = [place.handed.pop(each) for each in fallen] or [None]
+            todo.extendleft(reversed(behind))
+            if at:
+                deaths[at.run_id] = deaths.get(at.run_id, 0) + 1
+                if not lost(at, cause, deaths[at.run_id]):
+                    suspects.append(at._replace(wait=True))  # until what it held is free
+
+        while True:
+            if not todo and not any(place.handed for place in self.places):
+                if not suspects:
+                    return
+                todo.append(suspects.popleft())
+            for place in self.places:
+                while todo and len(place.handed) < place.ahead:
+                    try:
+                        future = place.executor.submit(function, todo[0])
+                    except place.deaths:
+                        fall(place)
+                        continue
+                    place.handed[future] = todo.popleft()
+                    future.add_done_callback(lambda future, place=place: back.put((place, future)))
+            place, future = back.get()
+            if future not in place.handed:
+                continue  # it fell with another
+            try:
+                status = future.result()
+            except place.deaths:
+                fall(place, future)
+            except CancelledError:
+                raise RunError("the cluster is gone; the same command goes on with the rest") from None
+            except OSError as error:
+                raise RunError(f"cannot write {place.handed[future].final}: {error.strerror or error}") from None
+            else:
+                told(place.handed.pop(future), status)
+
+
+def local(jobs: int) -> Workers:
+    """`jobs` processes on this machine."""
+    return Workers([_Own() for _ in range(jobs)])
+
+
+class _Own:
+    """A process of our own. Each has its executor: a process that dies breaks its executor, with all that this has."""
+
+    ahead = 2
+    deaths = BrokenProcessPool
+
+    def __init__(self):
+        self.handed: dict[Future, Task] = {}
+        self._start()
+
+    def _start(self) -> None:
+        self.context = _Context()
+        self.executor = ProcessPoolExecutor(1, self.context, initializer=worker.settle_in)
+
+    def renew(self, future: Future | None) -> tuple[list[Future], str]:
+        self.executor.shutdown()  # after it all that it was handed has an outcome, and the process its exit code
+        exitcode = self.context.process.exitcode
+        self._start()
+        return [each for each in self.handed if isinstance(each.exception(), self.deaths)], _cause(exitcode)
+
+    def end(self) -> None:
+        if self.context.process and self.context.process.pid:
+            self.context.process.terminate()
+
+
+class _Context(SpawnContext):
+    """Starts one process, and keeps it: the executor forgets its own when it dies."""
+
+    process: _Process | None = None
+
+    def Process(self, *args, **kwargs) -> _Process:
+        self.process = _Process(*args, **kwargs)
+        return self.process
 
 
 class _Process(SpawnProcess):
@@ -30,88 +153,6 @@ class _Process(SpawnProcess):
             return SpawnProcess._Popen(process)
         finally:
             sys.modules["__main__"] = main
-
-
-class _Context(SpawnContext):
-    """Starts such processes, and keeps them: the executor forgets its own when one dies."""
-
-    def __init__(self):
-        super().__init__()
-        self.started: list[_Process] = []
-
-    def Process(self, *args, **kwargs) -> _Process:
-        self.started.append(_Process(*args, **kwargs))
-        return self.started[-1]
-
-
-class Workers:
-    """`jobs` processes, for a `with` block; however that is left, they are gone after it."""
-
-    def __init__(self, jobs: int):
-        self.jobs = jobs
-
-    def __enter__(self) -> Workers:
-        self._start(self.jobs)
-        return self
-
-    def __exit__(self, kind, *_) -> None:
-        if kind is None:
-            self._executor.shutdown()
-        else:
-            self._end()
-
-    def carry_out(self, function: Callable[[Task], str], tasks: Iterable[Task], told: Told, lost: Told) -> None:
-        """Run `function` over the tasks; `told` hears of each with the status it returns, as they come.
-
-        When a worker dies, every task under way is suspect and is tried again alone; of one that kills its worker then, too,
-        `lost` hears, with how the worker died. Raises RunError when a run cannot be written.
-        """
-        todo, under_way = deque(tasks), {}
-        while todo or under_way:
-            try:
-                while todo and len(under_way) < AHEAD * self.jobs:
-                    under_way[self._executor.submit(function, todo[0])] = todo[0]
-                    todo.popleft()
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    told(under_way[future], _status(under_way[future], future))
-                    del under_way[future]
-            except BrokenProcessPool:
-                self._end()
-                for task in under_way.values():
-                    self._try_alone(function, task, told, lost)
-                under_way = {}
-                self._start(self.jobs)
-
-    def _try_alone(self, function: Callable[[Task], str], task: Task, told: Told, lost: Told) -> None:
-        self._start(1)
-        try:
-            status = _status(task, self._executor.submit(function, task))
-        except BrokenProcessPool:
-            lost(task, self._end())
-        else:
-            self._executor.shutdown()
-            told(task, status)
-
-    def _start(self, jobs: int) -> None:
-        self._context = _Context()
-        self._executor = ProcessPoolExecutor(jobs, self._context, initializer=worker.settle_in)
-
-    def _end(self) -> str:
-        """End the processes at once; returns how one died that was not ended."""
-        processes = [process for process in self._context.started if process.pid is not None]
-        for process in processes:
-            process.terminate()
-        # the executor's own thread reaps them: only after it do their exit codes hold
-        self._executor.shutdown(cancel_futures=True)
-        died = [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
-        return _cause(died[0] if died else None)
-
-
-def _status(task: Task, future: Future) -> str:
-    try:
-        return future.result()
-    except OSError as error:
-        raise RunError(f"cannot write {task.final}: {error.strerror or error}") from None
 
 
 def _cause(exitcode: int | None) -> str:

@@ -22,9 +22,7 @@ def solve(simulation: Simulation, flight: Flight, stop: Callable[[], bool]) -> F
     end = flight.trajectory.time[-1]
     if end == 0 or simulation.solver.method == EXACT:
         return flight
-    solver = Solver(EXACT)
-    like = simulation if simulation.solver.contact == solver.contact else None
-    return Simulation(simulation.scene, simulation.balls, solver, end, end, like).run(stop)
+    return Simulation(simulation.scene, simulation.balls, Solver(EXACT), end, end, simulation).run(stop)
 
 
 def position_errors(flight: Flight, truth: Flight) -> dict[str, float]:

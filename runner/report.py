@@ -40,21 +40,21 @@ def write(folder: Path, experiment: Experiment, runs: Sequence[Run], table: pyar
     source = (folder / store.EXPERIMENT).read_text(encoding="utf-8")
     same, varied = columns(table)
     provenance = store.provenance(folder)
-    status, finished = table["status"].to_pylist(), store.done(folder)
+    status, recorded = table["status"].to_pylist(), store.holding(folder, RECORDING)
     page = environment.get_template(FILE).render(
         name=experiment.name,
         runs=table.num_rows,
         question=question(source),
         source=source,
         counts=Counter(status).most_common(),
-        verdicts=expect.verdicts(experiment.expect, (store.read_run(folder, r.run_id) for r in runs if r.run_id in finished)),
+        verdicts=expect.verdicts(experiment.expect, store.read_runs(folder, (run.run_id for run in runs))),
         describe=expect.describe,
         charts=[(path.stem, inline(path, f"c{place}-")) for place, path in enumerate(p for p in charts if p.suffix == ".svg")],
         same=[(label(name), text(value)) for name, value in same.items()],
         headings=[(name, label(name), _numeric(table[name])) for name in varied],
         data={
             "rows": list(zip(*([text(value) for value in table[name].to_pylist()] for name in varied))),
-            "recorded": [(store.run_folder(folder, run_id) / RECORDING).exists() for run_id in table["run_id"].to_pylist()],
+            "recorded": [run_id in recorded for run_id in table["run_id"].to_pylist()],
             "view": f"carom view {shlex.quote(str(folder))}",
         },
         failed=[row for row in table.select(["run_id", "status", "error"]).to_pylist() if row["status"] in FAILURES],

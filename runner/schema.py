@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_type_hints
 
@@ -72,8 +72,11 @@ def model_of(cls: type, tag: dict[str, str] | None = None, **instead: Any) -> ty
             default = Field(default_factory=field.default_factory)
         options[field.name] = (instead.get(field.name, hints[field.name]), default)
 
+    make = lru_cache(cls)  # most runs of a sweep hold the same shapes and fields, and each builds them a few times
+
     def build(self, folder: Path):
-        return cls(**{name: built(getattr(self, name), folder) for name in options})
+        values = {name: built(getattr(self, name), folder) for name in options}
+        return cls(**values) if any(isinstance(value, dict) for value in values.values()) else make(**values)
 
     tags = {key: (Literal[value], ...) for key, value in (tag or {}).items()}
     model = create_model(cls.__name__, __base__=Built, __doc__=cls.__doc__, **tags, **options)
@@ -159,6 +162,8 @@ class BallsModel(Model):
 class RecordModel(Model):
     every: Positive = 0.01  # s between recorded frames
     formats: list[Literal[*record.names()]] = record.names()
+    #: runs that share a folder once they are made, and a file of each format; no part of a run, whose result it cannot change
+    pack: Annotated[int, Field(ge=2, le=10_000)] | None = Field(None, exclude=True)
 
     @model_validator(mode="after")
     def _once_each(self):

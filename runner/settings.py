@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from sys import intern
 from typing import Any
 
 from runner.document import Path_, dotted, split
@@ -30,13 +31,16 @@ def with_value(parameters: Any, path: Path_, value: Any) -> Any:
     return copy
 
 
-def leaves(parameters: Any, whole: list[str] = [], path: tuple = ()) -> Iterator[tuple[str, Any]]:
+def leaves(parameters: Any, whole: Iterable[str] = ()) -> Iterator[tuple[str, Any]]:
     """Every setting by its dotted path: the values, lists of numbers as one, and the groups named in `whole`."""
-    name = dotted(path)
-    nested = isinstance(parameters, dict) or isinstance(parameters, list) and any(isinstance(v, (dict, list)) for v in parameters)
-    deeper = any(key.startswith(f"{name}.") for key in whole)
-    if name in whole or not (nested or deeper) or parameters in ({}, []):
-        yield name, parameters
-    if nested or deeper:
-        for key, value in parameters.items() if isinstance(parameters, dict) else enumerate(parameters or []):
-            yield from leaves(value, whole, path + (key,))
+    around = {name[:end] for name in whole for end, mark in enumerate(name) if mark == "."}
+
+    def walk(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+        nested = isinstance(value, dict) or isinstance(value, list) and any(isinstance(v, (dict, list)) for v in value)
+        if name in whole or not (nested or name in around) or value in ({}, []):
+            yield intern(name), value  # the same in every run of a sweep, of which there may be many
+        if nested or name in around:
+            for key, each in value.items() if isinstance(value, dict) else enumerate(value or []):
+                yield from walk(each, f"{name}.{key}" if name else str(key))
+
+    yield from walk(parameters, "")

@@ -24,9 +24,10 @@ def faults(runs: Iterable[Run], document: Document) -> list[Fault]:
     for run in runs:
         setup, parameters = run.setup, run.parameters
         if setup.solver.contact == "swept" or setup.reference:
-            start = {key: value for key, value in parameters["balls"].items() if key not in ("mass", "lifetime")}
+            balls = parameters["balls"]
+            where = balls["emitter"]["position"] if balls["emitter"] else [balls["released"], balls["scatter"]]
             same = scenes.setdefault(json.dumps(parameters["scene"]["surfaces"]), {})
-            same.setdefault(json.dumps([start, setup.duration]), run)
+            same.setdefault(json.dumps([where, balls["radius"]]), run)
     found = {}
     for surfaces, starts in scenes.items():
         if surfaces != "{}":

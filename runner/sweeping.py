@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner import aggregate, chart, machine, pool, reference, report, store, worker
+from runner import aggregate, chart, machine, packing, pool, reference, report, store, worker
 from runner.config import Experiment, Run, load
 from runner.errors import InputError, RunError
 from runner.plan import Plan, plan
@@ -20,10 +22,13 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+SHOWN = 90  # s that a network's file system may take to show what was made elsewhere
+
+
 class Progress:
     """Hears how a sweep goes on; this one says nothing of it."""
 
-    def compiling(self, kernels: int) -> None: ...
+    def compiling(self, kernels: list[str]) -> None: ...
 
     def running(self, runs: int) -> None: ...
 
@@ -41,13 +46,17 @@ def sweep(
     jobs: int | None = None,
     timeout: float | None = None,
     fresh: bool = False,
+    cluster: str | None = None,
+    gather: bool = False,
 ) -> pyarrow.Table:
     """Make all runs of an experiment file that `out`/<name> does not hold yet; its summary, a row per run in the folder.
 
-    Raises InputError when the file is wrong, RunError when the runs cannot be written.
+    They are made by `jobs` processes, or by the workers of the Dask scheduler at the address `cluster`, which put them into the
+    folder, or with `gather` send them back. Raises InputError when the file is wrong or the cluster cannot be reached, RunError
+    when the runs cannot be written.
     """
     work = plan(load(path, overrides), Path(out), fresh)
-    carry_out(work, jobs, timeout, fresh)
+    carry_out(work, jobs, timeout, fresh, cluster=cluster, gather=gather)
     return finish(work)
 
 
@@ -58,43 +67,103 @@ def carry_out(
     replace: bool = False,
     fail_fast: bool = False,
     progress: Progress = Progress(),
+    cluster: str | None = None,
+    gather: bool = False,
 ) -> None:
-    """Make what is to do. Raises InputError when the folder cannot be written, RunError when a run cannot, Stopped at the first
-    failure with `fail_fast`; whatever was finished stays."""
+    """Make what is to do. Raises InputError when the folder cannot be written, RunError when the disk is full or a run cannot be
+    written, Stopped at the first failure with `fail_fast`; whatever was finished stays."""
     start = datetime.now(timezone.utc).isoformat(timespec="seconds")
     source = work.experiment.document.folder
     try:
         (work.folder / store.RUNS).mkdir(parents=True, exist_ok=True)
+        store.clear(work.folder)
         store.write_text(work.folder / store.EXPERIMENT, work.experiment.document.text())
         store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, None))
     except OSError as error:
-        raise InputError(f"{work.folder}: cannot be written: {error.strerror or error}") from None
-    if work.todo:
-        _make(work, source, jobs or os.cpu_count() or 1, timeout, replace, fail_fast, progress)
+        kind = RunError if error.errno in (errno.ENOSPC, errno.EDQUOT) else InputError
+        raise kind(f"{work.folder}: cannot be written: {error.strerror or error}") from None
+    if work.todo or packing.batches(work.folder, work.pack):
+        try:
+            with _workers(work, jobs or os.cpu_count() or 1, cluster, gather) as workers:
+                _make(work, source.absolute(), workers, gather, timeout, replace, fail_fast, progress)
+            if cluster:
+                _see(work)
+        finally:
+            store.clear(work.folder)
     end = datetime.now(timezone.utc).isoformat(timespec="seconds")
     store.write_json(work.folder / store.PROVENANCE, machine.provenance(source, start, end))
 
 
-def _make(work: Plan, source: Path, jobs: int, timeout, replace: bool, fail_fast: bool, progress: Progress) -> None:
-    with store.aside(work.folder) as aside:
-        tasks = [
-            Task(run.run_id, run.parameters, source, aside, store.run_folder(work.folder, run.run_id), replace, timeout)
-            for run in work.todo
-        ]
-        jobs = min(jobs, len(tasks))
+def _workers(work: Plan, jobs: int, cluster: str | None, gather: bool) -> pool.Workers:
+    if not cluster:
+        if gather:
+            raise InputError("--gather needs --cluster")
+        return pool.local(max(1, min(jobs, len(work.todo))))
+    try:
+        from runner.cluster import Cluster
+    except ModuleNotFoundError:
+        raise InputError("--cluster needs the package distributed: pip install 'carom[cluster]'") from None
+    return Cluster(cluster, None if gather else (work.folder / store.RUNS).absolute())
 
-        def told(task: Task, status: str) -> None:
+
+def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout, replace, fail_fast, progress) -> None:
+    aside = (work.folder / store.RUNS / store.ASIDE).absolute()
+    tasks = [
+        Task(run.run_id, run.parameters, source, aside, aside.with_name(run.run_id), replace, timeout) for run in work.todo
+    ]
+    elsewhere = []
+
+    def told(task: Task, status: str | None) -> bool:
+        if status == worker.ELSEWHERE:
+            elsewhere.append(task._replace(wait=True))
+        elif status is not None:
             progress.done(task.run_id, status)
             if fail_fast and status in FAILURES:
                 raise Stopped(task.run_id)
+        return status is not None
 
-        with pool.Workers(jobs) as workers:
-            kernels = _kernels(work.todo, tasks)
-            progress.compiling(len(kernels))
-            # a kernel that cannot be compiled is told by the runs that need it
-            workers.carry_out(worker.compile_kernel, kernels, lambda *_: None, lambda *_: None)
-            progress.running(len(tasks))
-            workers.carry_out(worker.perform, tasks, told, lambda task, cause: told(task, worker.report_crash(task, cause)))
+    def sent(task: Task, back: tuple[str, dict[str, bytes]]) -> None:
+        status, files = back
+        worker.keep(task, files)
+        told(task, status)
+
+    def lost(task: Task, cause: str, deaths: int) -> bool:
+        return told(task, worker.report_death(task, cause, deaths))
+
+    def pack() -> None:
+        packs = [packing.Pack(aside.parent, run_ids) for run_ids in packing.batches(work.folder, work.pack)]
+        if gather:  # the runs are here
+            for each in packs:
+                packing.pack(each)
+        else:
+            workers.carry_out(packing.pack, packs, lambda *_: None, lambda *_: True)  # what is not packed stays as it is
+
+    kernels = _kernels(work.todo, tasks)
+    progress.compiling([_name(task) for task in kernels])
+    workers.prepare(kernels)
+    progress.running(len(tasks))
+    for first in range(0, len(tasks), packing.WAVE):
+        part = tasks[first : first + packing.WAVE]
+        pack()
+        if gather:
+            workers.carry_out(worker.send, part, sent, lost)
+        else:
+            workers.carry_out(worker.take, part, told, lost)
+    workers.carry_out(worker.take, elsewhere, told, lost)
+    pack()
+    packing.tidy(work.folder)
+
+
+def _see(work: Plan) -> None:
+    """Wait until the folder shows what other machines have put into it. Raises RunError when it does not."""
+    end = time.monotonic() + SHOWN
+    while missing := {run.run_id for run in work.todo} - store.done(work.folder):
+        if time.monotonic() > end:
+            raise RunError(
+                f"{work.folder}: {len(missing)} runs were made but are not there: the workers write to another folder of this name; "
+                "--gather sends files back instead"
+            )
+        time.sleep(1)
 
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
@@ -112,6 +181,11 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
         return alike[key[0]]
 
     return [kernels[key] for key in sorted(kernels, key=like_it_before)]
+
+
+def _name(kernel: Task) -> str:
+    solver = kernel.parameters["solver"]
+    return solver["method"] + (" (original contact)" if solver["contact"] == "original" else "")
 
 
 def kernel_key(run: Run) -> tuple:

@@ -50,7 +50,7 @@ def show(folder: Path, by: list[str] | None, csv: bool) -> None:
     if not by:
         rows = rows.select([name for name in ["run_id", "status", *keys] if name in rows.column_names] + _figures(GROUPED))
     print_table(f"{experiment.name}: {table.num_rows} runs" + (f" by {', '.join(by)}" if by else ""), rows)
-    reports = [store.read_run(folder, run_id) for run_id in sorted(store.done(folder) & {r.run_id for r in experiment.runs()})]
+    reports = store.read_runs(folder, sorted(run.run_id for run in experiment.runs()))
     for verdict in expect.verdicts(experiment.expect, reports):
         print(verdict)
 

@@ -37,6 +37,12 @@ def tally(statuses: Counter) -> str:
     return ", ".join(f"{count} {status}" for status, count in sorted(statuses.items())) or "nothing"
 
 
+def _named(kernels: list[str]) -> str:
+    """How many kernels there are and what for; two of a method differ in the scene's fields."""
+    names = list(dict.fromkeys(kernels))
+    return f"{len(kernels)} kernel{'s' * (len(kernels) != 1)} ({', '.join(names[:4] + ['...'] * (len(names) > 4))})"
+
+
 class Lines(Progress):
     """For a log: a line at the start, one every few seconds, one at the end, and one for each run that failed."""
 
@@ -48,8 +54,9 @@ class Lines(Progress):
         if self.total:
             self._say()
 
-    def compiling(self, kernels: int) -> None:
-        print(f"preparing {kernels} kernel{'s' * (kernels > 1)} (compiled at their first use on a machine)", file=sys.stderr)
+    def compiling(self, kernels: list[str]) -> None:
+        if kernels:
+            print(f"preparing {_named(kernels)}, compiled at the first use on a machine", file=sys.stderr)
 
     def running(self, runs: int) -> None:
         self.total, self.last = runs, time.monotonic()
@@ -85,8 +92,8 @@ class Bar(Progress):
     def __exit__(self, *exc) -> None:
         self.bar.stop()
 
-    def compiling(self, kernels: int) -> None:
-        self.task = self.bar.add_task(f"preparing {kernels} kernels", total=None, tally="compiled at their first use")
+    def compiling(self, kernels: list[str]) -> None:
+        self.task = self.bar.add_task(f"preparing {_named(kernels)}", total=None, tally="compiled at the first use")
 
     def running(self, runs: int) -> None:
         self.bar.reset(self.task, description="runs", total=runs, tally="")

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runner import store
+from runner import seal, store
 from runner.document import suggestion
-from runner.errors import InputError
-from runner.record.rrd import APPLICATION, FILE, SERIES
+from runner.errors import Damaged, InputError
+from runner.record.rrd import APPLICATION, FILE, PACKED, SERIES, take
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -71,17 +71,29 @@ def viewer_command(recordings: list[Path], blueprint: Path) -> list[str]:
 MOST_OPENED = 12  # recordings at once, when none is named
 
 
-def recordings(folder: Path, runs: list[str]) -> list[Path]:
+def recordings(folder: Path, runs: list[str], scratch: Path) -> list[Path]:
     """The recordings of the runs whose ids begin with one of `runs`; the first few of all when none is named.
 
-    Raises InputError when there are none.
+    Those of packed runs are copied into the folder `scratch`. Raises InputError when there are none, Damaged for one that is.
     """
-    found = {path.parent.name: path for path in sorted((folder / store.RUNS).glob(f"[!.]*/{FILE}"))}
+    found = dict(sorted(store.holding(folder, FILE).items()))
     if not found:
         raise InputError(f"{folder}: holds no recordings; put rrd into record.formats")
     for run in runs:
         if not any(name.startswith(run) for name in found):
             raise InputError(f"{folder}: no recording of a run {run}{suggestion(run, found)}")
-    if not runs:
-        return list(found.values())[:MOST_OPENED]
-    return [path for name, path in found.items() if name.startswith(tuple(runs))]
+    opened = [name for name in found if name.startswith(tuple(runs))] if runs else list(found)[:MOST_OPENED]
+    for entry in {found[name] for name in opened}:
+        path = entry / (PACKED if store.pack_number(entry) else FILE)
+        noted = store.contents(entry).get("files", {}).get(path.name)
+        if noted and (wrong := seal.fault(path, noted)):
+            raise Damaged(path, wrong)
+    return [_recording(found[name], name, scratch) for name in opened]
+
+
+def _recording(entry: Path, run_id: str, scratch: Path) -> Path:
+    """The file with the run's recording alone."""
+    if not store.pack_number(entry):
+        return entry / FILE
+    take(entry / PACKED, run_id, scratch / f"{run_id}.rrd")
+    return scratch / f"{run_id}.rrd"

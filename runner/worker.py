@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
-import json
+import ctypes
+import faulthandler
+import gc
+import multiprocessing
+import os
 import shutil
 import signal
+import socket
+import sys
+import tempfile
+import threading
 import time
 import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime, timezone
+from functools import cache
+from io import FileIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from runner import store
+from runner import claims, store
+
+ELSEWHERE = "elsewhere"  # what comes of a run that another sweep is making
+TRIES = 2  # of a run whose worker dies
+GRACE = 5.0  # s after the timeout, for a run to stop by itself and to write what it has
+LINES = 200  # of last words
+
+if TYPE_CHECKING:
+    from runner.result import Result
 
 
 class Task(NamedTuple):
@@ -24,11 +44,20 @@ class Task(NamedTuple):
     final: Path  # folder it becomes
     replace: bool  # a folder that is there already
     timeout: float | None  # s
+    wait: bool = False  # for another sweep that is making the run
 
 
 def settle_in() -> None:
-    """Start of a worker: Ctrl-C is the parent's to handle."""
+    """Start of a worker: Ctrl-C is the parent's to handle, and when the parent dies it is the end of the worker, too."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: also where a kernel lets no thread run
+    threading.Thread(target=_end_with, args=[multiprocessing.parent_process()], daemon=True).start()
+
+
+def _end_with(parent: multiprocessing.Process) -> None:
+    parent.join()
+    os._exit(1)
 
 
 def compile_kernel(task: Task) -> None:
@@ -42,18 +71,62 @@ def compile_kernel(task: Task) -> None:
         pass
 
 
+def take(task: Task) -> str:
+    """Make the run unless another sweep has made it, or is at it; returns its status, or ELSEWHERE. Raises OSError."""
+    with claims.claim(task.aside, task.run_id, task.wait) as words:
+        if words is None:
+            return ELSEWHERE
+        if task.final.exists() and not task.replace:
+            return store.contents(task.final)["status"]
+        with _heard(words, task.timeout):
+            return perform(task)
+
+
+def send(task: Task) -> tuple[str, dict[str, bytes]]:
+    """Make the run in a folder of this machine's own; its status and its files, by name."""
+    with tempfile.TemporaryDirectory() as scratch:
+        final = Path(scratch) / store.RUNS / task.run_id
+        final.parent.mkdir()
+        status = take(task._replace(aside=final.parent / store.ASIDE, final=final))
+        return status, {path.name: path.read_bytes() for path in final.iterdir()}
+
+
+def keep(task: Task, files: dict[str, bytes]) -> None:
+    """Publish a run by the files that were sent. Raises OSError."""
+    with claims.claim(task.aside, task.run_id, wait=True):
+        made = _empty_folder(task)
+        for name, content in files.items():
+            (made / name).write_bytes(content)
+        store.publish(made, task.final, task.replace)
+
+
+@contextmanager
+def _heard(words: FileIO, timeout: float | None) -> Iterator[None]:
+    """Errors of the process go to `words`; code that nobody can stop any more ends it GRACE after the timeout."""
+    ours = os.dup(2)
+    os.dup2(words.fileno(), 2)
+    if not faulthandler.is_enabled():
+        faulthandler.enable(2)
+    if timeout is not None:
+        faulthandler.dump_traceback_later(timeout + GRACE, exit=True, file=2)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        os.dup2(ours, 2)
+        os.close(ours)
+
+
 def perform(task: Task) -> str:
     """Make the run and publish its folder; returns its status. Raises OSError when it cannot be written."""
     from runner import record
-    from runner.config import resolve
-    from runner.execute import run
 
     made = _empty_folder(task)
     clock, started = time.perf_counter(), datetime.now(timezone.utc).isoformat(timespec="milliseconds")
     deadline = None if task.timeout is None else time.monotonic() + task.timeout
     report = _report(task)
     try:
-        result = run(resolve(task.parameters, task.source), lambda: deadline is not None and time.monotonic() > deadline)
+        result = _simulate(task, lambda: deadline is not None and time.monotonic() > deadline)
         for name in result.parameters["record"]["formats"]:
             writer = record.load(name)
             writer.write(result, made / writer.FILE)
@@ -65,12 +138,41 @@ def perform(task: Task) -> str:
     except Exception as error:
         report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
     report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
+    _leave_alone()
     return _publish(task, made, report)
 
 
-def report_crash(task: Task, cause: str) -> str:
-    """Publish the run as crashed, from the parent: it killed its worker twice. Returns the status."""
-    return _publish(task, _empty_folder(task), _report(task) | {"status": "crashed", "error": cause})
+@cache
+def _leave_alone() -> None:
+    """After the first run: the libraries stay, so that the collector need not look through them time and again."""
+    gc.freeze()
+
+
+_last = None  # the simulation before, whose geometry the next one mostly has, too
+
+
+def _simulate(task: Task, stop: Callable[[], bool]) -> Result:
+    global _last
+    from runner.config import resolve
+    from runner.execute import carry_out, prepare
+
+    run = resolve(task.parameters, task.source)
+    _last = prepare(run, _last)
+    return carry_out(run, _last, stop)
+
+
+def report_death(task: Task, cause: str, tries: int) -> str | None:
+    """Publish, from the parent, a run whose worker died by it; returns its status, None where it is to be tried again."""
+    words = claims.last_words(task.aside, task.run_id).splitlines()[-LINES:]
+    hung = any(line.startswith("Timeout (") for line in words)  # faulthandler's
+    if not hung and tries < TRIES:
+        return None
+    if hung:
+        told = {"status": "timeout", "error": f"hung, and was ended after {task.timeout + GRACE:g} s"}
+    else:
+        told = {"status": "crashed", "error": f"{cause}: {words[0]}" if words else cause}
+    with claims.claim(task.aside, task.run_id, wait=True):
+        return _publish(task, _empty_folder(task), _report(task) | told | {"last_words": words})
 
 
 def _report(task: Task) -> dict[str, Any]:
@@ -78,13 +180,13 @@ def _report(task: Task) -> dict[str, Any]:
 
 
 def _empty_folder(task: Task) -> Path:
-    made = task.aside / task.run_id
-    shutil.rmtree(made, ignore_errors=True)  # of a worker that died in it
-    made.mkdir()
+    made = task.aside / f"{task.run_id}.{socket.gethostname()}-{os.getpid()}"
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir(parents=True)
     return made
 
 
 def _publish(task: Task, made: Path, report: dict[str, Any]) -> str:
-    (made / store.RUN).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    store.write_contents(made, store.RUN, report)
     store.publish(made, task.final, task.replace)
     return report["status"]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, NamedTuple, get_args, get_type_hints
 
 import numpy as np
@@ -52,18 +54,28 @@ def check(self) -> None:
 
     Raises Invalid naming the field.
     """
-    for name, kind in get_type_hints(type(self), include_extras=True).items():
+    for name, ranges in _ranges(type(self)).items():
         value = getattr(self, name)
         if isinstance(value, (int, float, tuple)) and not finite(value):
             raise Invalid(name, "must be finite")
-        for limit in (limit for part in (kind, *get_args(kind)) for limit in getattr(part, "__metadata__", ())):
-            for symbol, holds, bound in (
-                (">", operator.gt, getattr(limit, "gt", None)),
-                (">=", operator.ge, getattr(limit, "ge", None)),
-                ("<=", operator.le, getattr(limit, "le", None)),
-            ):
-                if bound is not None and value is not None and not np.all(holds(np.asarray(value), bound)):
-                    raise Invalid(name, f"must be {symbol} {bound}")
+        for symbol, holds, bound in ranges if value is not None else ():
+            if not np.all(holds(np.asarray(value), bound)):
+                raise Invalid(name, f"must be {symbol} {bound}")
+
+
+@cache
+def _ranges(kind: type) -> dict[str, list[tuple[str, Callable, float]]]:
+    """Of each field of a dataclass the ranges that its annotation tells."""
+    return {
+        name: [
+            (symbol, holds, bound)
+            for part in (hint, *get_args(hint))
+            for limit in getattr(part, "__metadata__", ())
+            for symbol, holds, key in ((">", operator.gt, "gt"), (">=", operator.ge, "ge"), ("<=", operator.le, "le"))
+            if (bound := getattr(limit, key, None)) is not None
+        ]
+        for name, hint in get_type_hints(kind, include_extras=True).items()
+    }
 
 
 def finite(value: float | tuple) -> bool:

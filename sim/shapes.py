@@ -1,4 +1,4 @@
-"""The shapes of surfaces: each is triangles, and says from which side they are met.
+"""The shapes of surfaces: each is triangles, and says from which side they are met, and whether it may have an inside.
 
 A new shape is one dataclass here, in SHAPES.
 """
@@ -47,6 +47,7 @@ class Plane:
 
     two_sided: ClassVar[bool] = False
     unbounded: ClassVar[bool] = True
+    solid: ClassVar[bool] = True
 
     point: Vector = (0.0, 0.0, 0.0)  # m
     normal: Vector = (0.0, 1.0, 0.0)
@@ -66,6 +67,7 @@ class Rectangle:
 
     two_sided: ClassVar[bool] = True
     unbounded: ClassVar[bool] = False
+    solid: ClassVar[bool] = False
 
     center: Vector  # m
     normal: Vector
@@ -92,6 +94,7 @@ class Box:
 
     two_sided: ClassVar[bool] = False
     unbounded: ClassVar[bool] = False
+    solid: ClassVar[bool] = True
 
     center: Vector  # m
     size: tuple[Positive, Positive, Positive]  # m
@@ -118,6 +121,7 @@ class Heightfield:
 
     two_sided: ClassVar[bool] = True
     unbounded: ClassVar[bool] = False
+    solid: ClassVar[bool] = False
 
     size: tuple[Positive, Positive]  # m, along x and z
     cells: tuple[Cells, Cells]  # along x and z
@@ -143,12 +147,13 @@ class Heightfield:
         return Mesh(np.stack([x, evaluate(self.height, x=x, z=z), z], axis=1), (corner + cell).reshape(-1, 3))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Triangles:
     """Any triangles, two-sided: vertices (n, 3) m, corners (m, 3) indices."""
 
     two_sided: ClassVar[bool] = True
     unbounded: ClassVar[bool] = False
+    solid: ClassVar[bool] = True
 
     vertices: np.ndarray = field(repr=False)
     corners: np.ndarray = field(repr=False)

@@ -97,7 +97,7 @@ def frame_times(duration: float, every: float) -> np.ndarray:
 class Simulation:
     """A simulation ready to run: geometry built, kernel compiled. `run` may be repeated, and gives the same each time.
 
-    The geometry is that of `like` where it is given: a simulation of the same scene, balls and contact rule.
+    The geometry is taken from `like` where that has the same: then none looks again whether a ball starts inside a surface.
     """
 
     def __init__(
@@ -113,9 +113,16 @@ class Simulation:
         e = scene.restitution if scene.restitution is not None else impact.restitution(balls.mass, scene.wall_mass)
         body = Body(float(balls.mass), float(balls.radius), float(balls.lifetime), float(e), float(scene.damping))
         packed = forces.pack(self.fields, scene.gravity, balls.mass)
-        self.features, self.reductions = (like.features, like.reductions) if like else self._geometry()
+        shared = like is not None and like.shares_geometry(scene, balls, solver)
+        self.features, self.reductions = (like.features, like.reductions) if shared else self._geometry()
         engine = engines.Swept if solver.contact == "swept" else engines.Original
         self.engine = engine(solver, balls, duration, body, packed, self.features)
+
+    def shares_geometry(self, scene: Scene, balls: Balls, solver: Solver) -> bool:
+        """Whether balls in a scene can touch what they can here. Where they start matters to surfaces that may have an inside."""
+        surfaces, others = list(self.scene.surfaces.items()), list(scene.surfaces.items())
+        starts = not any(shape.solid for _, shape in surfaces) or np.array_equal(self.balls.position, balls.position)
+        return surfaces == others and self.solver.contact == solver.contact and starts
 
     def _geometry(self) -> tuple[Packed, list[reduction.Reduction]]:
         """What the balls can touch, and what was reduced. Raises Invalid when one starts inside a surface."""

@@ -1,6 +1,7 @@
 """Fixtures shared by the tests."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,13 +34,13 @@ class Outcome(NamedTuple):
 class Inline:
     """Stands for runner.pool.Workers, and does their work in this process."""
 
-    def __init__(self, jobs):
-        pass
-
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
+        pass
+
+    def prepare(self, kernels):
         pass
 
     def carry_out(self, function, tasks, told, lost):
@@ -82,7 +83,28 @@ def carom(monkeypatch, capsys):
 @pytest.fixture
 def inline(monkeypatch):
     """Runs are made in this process instead of in workers."""
-    monkeypatch.setattr("runner.pool.Workers", Inline)
+    monkeypatch.setattr("runner.pool.local", lambda jobs: Inline())
+
+
+@pytest.fixture(scope="session")
+def outputs(tmp_path_factory, fall):
+    """Two outputs of four runs: in single/x each has a folder, in packed/x there are two packs. They are only looked at."""
+    from runner.sweeping import sweep
+
+    folder = tmp_path_factory.mktemp("outputs")
+    runs = "matrix: {balls.mass: [1, 2, 3, 4]}\nexpect: [{column: status, equals: finished}]\n"
+    (folder / "x.yaml").write_text(fall.replace("[hdf5]", "[hdf5, rrd]") + runs)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("runner.pool.local", lambda jobs: Inline())
+        sweep(folder / "x.yaml", out=folder / "single")
+        sweep(folder / "x.yaml", {"record.pack": 2}, out=folder / "packed")
+    return folder
+
+
+@pytest.fixture
+def copied(here, outputs, inline):
+    """A copy of both in the current folder."""
+    shutil.copytree(outputs, here, dirs_exist_ok=True)
 
 
 @pytest.fixture(scope="session")

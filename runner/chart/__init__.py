@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
-FOLDER = "charts"  # of a sweep's output
+FOLDER = store.CHARTS  # of a sweep's output
 
 
 def kinds() -> list[str]:

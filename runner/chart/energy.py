@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner import store
 from runner.chart._names import label
 from runner.chart._table import WHOLE, Column, column, distinct, split, spread_note, told
+from runner.record import hdf5
 
 if TYPE_CHECKING:
     import pyarrow
@@ -96,11 +98,11 @@ def draw(chart: Chart, table: pyarrow.Table, folder: Path) -> Figure:
 
 def _curves(table: pyarrow.Table, folder: Path) -> tuple[dict[int, tuple[np.ndarray, np.ndarray]], list[str]]:
     """Time and residual for each row of the table that has them, and notes on the others."""
-    curves, notes = {}, Counter()
+    curves, notes, recorded = {}, Counter(), store.holding(folder, hdf5.FILE)
     for row, (run_id, status) in enumerate(zip(column(table, "run_id", "run_id"), column(table, "status", "status"))):
         if status in FAILED:
             notes[f"{{}} {status} {{}} not shown"] += 1
-        elif (curve := _residual(folder / "runs" / run_id)) is None:
+        elif run_id not in recorded or (curve := _residual(recorded[run_id], run_id)) is None:
             notes["{} {} without a trajectory not shown"] += 1
         else:
             curves[row] = curve
@@ -109,16 +111,11 @@ def _curves(table: pyarrow.Table, folder: Path) -> tuple[dict[int, tuple[np.ndar
     return curves, told(notes)
 
 
-def _residual(run: Path) -> tuple[np.ndarray, np.ndarray] | None:
-    """Time and energy residual of a run at its finite frames; None where it has no trajectory that can be read."""
-    import h5py
-
-    try:
-        with h5py.File(run / "trajectory.h5") as file:
-            data = file["observables/energy_residual"]
-            time, value = data["time"][:], data["value"][:]
-    except (OSError, KeyError):
-        return None
+def _residual(entry: Path, run_id: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Time and energy residual of a run at its finite frames; None where it has none. Raises Damaged."""
+    with hdf5.read(entry, run_id) as tree:
+        data = tree["observables/energy_residual"]
+        time, value = data["time"][:], data["value"][:]
     finite = np.isfinite(value)
     return (time[finite], value[finite]) if finite.any() else None
 

@@ -1,7 +1,8 @@
 """Output formats: one module each, found by its name.
 
-A format has `FILE`, the name of its file inside a run's folder, and `write(result, path)`. It imports its library when
-it writes, so that naming formats and files costs nothing.
+A format has `FILE`, the name of its file inside a run's folder, and `write(result, path)`; `PACKED`, the name of the file
+that holds those of many runs, and `join(files, path)`, which makes it. It imports its library when it writes, so that naming
+formats and files costs nothing.
 """
 
 from __future__ import annotations

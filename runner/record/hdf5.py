@@ -8,119 +8,204 @@ H5MD's own `unit` is present MDAnalysis wants to convert it, and stops on metres
 from __future__ import annotations
 
 import json
-from functools import cache
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner import store
+from runner.disk import Disk
+from runner.errors import Damaged
 from runner.result import Result
 
 if TYPE_CHECKING:
     import h5py
 
-FILE = "trajectory.h5"
+FILE, PACKED = "trajectory.h5", "trajectories.h5"
+VERSION = ("v110", "v110")  # of the format
+SMALL = 4_000_000  # bytes of numbers in a file that is put together in memory
 
 UNITS = {
     "time": "s",
     "ball": "index into /particles/balls",
     "surface": "index into the attribute surfaces",
     "position": "m",
+    "velocity": "m/s",
+    "mass": "kg",
+    "radius": "m",
     "normal": "1",
     "speed_normal": "m/s",
     "speed_tangential": "m/s",
-    "energy_lost": "J",
+    **dict.fromkeys(("kinetic_energy", "potential_energy", "work", "energy_lost", "energy_supplied", "energy_residual"), "J"),
 }
+
+Numbers = dict[str, np.ndarray]  # by their place in the file
+FRAMES = "particles/balls/position"  # the element whose step and time all others share
 
 
 def write(result: Result, path: Path) -> None:
     """Write `result` to the new file `path`.
 
+    Most of a small file's cost is making its objects, not its bytes. So those that all runs of so many frames and balls have
+    are made once, in memory; a run puts its numbers where they belong there and adds what is its own.
+
     Raises OSError where the file cannot be written.
     """
     import h5py
 
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        _write_header(file)
-        frames = _write_balls(file, result)
-        _write_energy(file, result, frames)
-        _write_events(file, result)
-        _write_parameters(file, result)
+    numbers = _numbers(result)
+    if sum(values.nbytes for values in numbers.values()) > SMALL:
+        with Disk(path) as disk, h5py.File(disk, "w", libver=VERSION) as file:
+            _write_alike(file, numbers)
+            _write_own(file.id, result)
+        return
+    template, places = _template(tuple((place, values.shape, values.dtype) for place, values in numbers.items()))
+    image = bytearray(template)
+    for place, values in numbers.items():
+        image[places[place] : places[place] + values.nbytes] = values.tobytes()
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    access.set_fapl_core(block_size=65536, backing_store=False)
+    access.set_file_image(bytes(image))
+    file = h5py.h5f.open(FILE.encode(), h5py.h5f.ACC_RDWR, access)
+    _write_own(file, result)
+    h5py.h5f.flush(file)
+    path.write_bytes(file.get_file_image())
 
 
-def _write_header(file: h5py.File) -> None:
+def join(files: dict[str, Path], path: Path) -> None:
+    """Write what the runs' `files` hold to the new file `path`, each run's in a group named by its id."""
+    import h5py
+
+    with Disk(path) as disk, h5py.File(disk, "w", libver=VERSION) as packed:
+        for run_id, file in files.items():
+            with h5py.File(file) as one:
+                packed.copy(one["/"], packed, name=run_id)
+
+
+@contextmanager
+def read(entry: Path, run_id: str) -> Iterator[h5py.Group]:
+    """What the run's file holds, in a folder of its own or packed. Raises Damaged where it cannot be read."""
+    import h5py
+
+    packed = store.pack_number(entry)
+    path = entry / (PACKED if packed else FILE)
+    try:
+        with h5py.File(path) as file:
+            yield file[run_id] if packed else file
+    except FileNotFoundError:
+        raise Damaged(path, "missing") from None
+    except (OSError, KeyError, RuntimeError) as error:
+        raise Damaged(path, f"cannot be read: {error}".replace("\n", " ")) from None
+
+
+def _numbers(result: Result) -> Numbers:
+    """All that there is a number of for each ball or frame."""
+    balls, trajectory, energy = result.balls, result.trajectory, result.energy
+    observables = {
+        "kinetic_energy": energy.kinetic,
+        "potential_energy": energy.potential,
+        "work": energy.work,
+        "energy_lost": energy.lost,
+        "energy_supplied": energy.supplied,
+        "energy_residual": energy.residual,
+    }
+    return {
+        f"{FRAMES}/step": trajectory.step.astype("i8"),
+        f"{FRAMES}/time": trajectory.time,
+        f"{FRAMES}/value": trajectory.position,
+        "particles/balls/velocity/value": trajectory.velocity,
+        "particles/balls/id": np.arange(len(balls)),
+        "particles/balls/mass": np.full(len(balls), balls.mass),
+        "particles/balls/radius": np.full(len(balls), balls.radius),
+        **{f"observables/{name}/value": values for name, values in observables.items()},
+    }
+
+
+@lru_cache(maxsize=4)
+def _template(layout: tuple[tuple[str, tuple[int, ...], np.dtype], ...]) -> tuple[bytes, dict[str, int]]:
+    """A file with zeros for the numbers of such places, shapes and types, and where in it each place's begin."""
+    import h5py
+
+    with h5py.File(FILE, "w", libver=VERSION, driver="core", backing_store=False) as file:
+        _write_alike(file, {place: np.zeros(shape, dtype) for place, shape, dtype in layout})
+        file.flush()
+        return file.id.get_file_image(), {place: file[place].id.get_offset() or 0 for place, *_ in layout}
+
+
+def _write_alike(file: h5py.File, numbers: Numbers) -> None:
+    """What runs of as many frames and balls have alike, but for the numbers."""
     header = file.create_group("h5md")
     header.attrs["version"] = np.array([1, 1], "i4")
     header.create_group("author").attrs["name"] = "carom"
     creator = header.create_group("creator")
     creator.attrs["name"] = "carom"
     creator.attrs["version"] = _versions()["carom"]
-
-
-def _write_balls(file: h5py.File, result: Result) -> h5py.Group:
-    """/particles/balls; the element whose `step` and `time` all others share."""
-    balls, trajectory = result.balls, result.trajectory
-    group = file.create_group("particles/balls")
-    box = group.create_group("box")
+    file.create_group("events")
+    file.create_group("parameters")
+    box = file.create_group("particles/balls/box")
     box.attrs["dimension"] = 3
     box.attrs["boundary"] = np.array([b"none"] * 3)
-
-    frames = group.create_group("position")
-    _write_dataset(frames, "step", trajectory.step.astype("i8"))
-    _write_dataset(frames, "time", trajectory.time, "s")
-    _write_dataset(frames, "value", trajectory.position, "m")
-    _write_element(group, "velocity", frames, trajectory.velocity, "m/s")
-
-    _write_dataset(group, "id", np.arange(len(balls)))
-    _write_dataset(group, "mass", np.full(len(balls), balls.mass), "kg")
-    _write_dataset(group, "radius", np.full(len(balls), balls.radius), "m")
-    return frames
+    for place, values in numbers.items():
+        dataset = file.create_dataset(place, data=values)
+        element, _, last = place.rpartition("/")
+        units = UNITS.get(element.rpartition("/")[2] if last == "value" else last)
+        if units:
+            dataset.attrs["units"] = units
+        if last == "value" and element != FRAMES:
+            for name in ("step", "time"):  # hard links, as H5MD allows
+                file[f"{element}/{name}"] = file[f"{FRAMES}/{name}"]
 
 
-def _write_energy(file: h5py.File, result: Result, frames: h5py.Group) -> None:
-    energy, observables = result.energy, file.create_group("observables")
-    _write_element(observables, "kinetic_energy", frames, energy.kinetic, "J")
-    _write_element(observables, "potential_energy", frames, energy.potential, "J")
-    _write_element(observables, "work", frames, energy.work, "J")
-    _write_element(observables, "energy_lost", frames, energy.lost, "J")
-    _write_element(observables, "energy_supplied", frames, energy.supplied, "J")
-    _write_element(observables, "energy_residual", frames, energy.residual, "J")
-
-
-def _write_element(parent: h5py.Group, name: str, frames: h5py.Group, values: np.ndarray, units: str) -> None:
-    """What changes with time, one value a frame; `step` and `time` are hard links, as H5MD allows."""
-    group = parent.create_group(name)
-    group["step"], group["time"] = frames["step"], frames["time"]
-    _write_dataset(group, "value", values, units)
-
-
-def _write_dataset(parent: h5py.Group, name: str, values: np.ndarray, units: str | None = None) -> None:
-    dataset = parent.create_dataset(name, data=values)
-    if units:
-        dataset.attrs["units"] = units
-
-
-def _write_events(file: h5py.File, result: Result) -> None:
-    """/events: impacts, and where balls came to rest."""
-    import h5py
-
-    for name, events, description in (
+def _write_own(file: h5py.h5f.FileID, result: Result) -> None:
+    """Impacts, where balls came to rest, and parameters: by the C library's own calls, which cost a third of h5py's."""
+    for name, rows, description in (
         ("bounces", result.bounces, "Impacts in order of time: position is the ball's centre, normal points to the ball, "
          "speeds are before it."),
         ("rests", result.rests, "In order of time: a ball comes to rest on a surface, or begins to slide on it."),
     ):  # fmt: skip
-        dataset = file.create_dataset(f"events/{name}", data=events)
-        dataset.attrs["description"] = description
-        dataset.attrs["units"] = json.dumps({column: UNITS[column] for column in events.dtype.names})
-        dataset.attrs.create("surfaces", list(result.surfaces), dtype=h5py.string_dtype())
+        dataset = _add_dataset(file, f"events/{name}", rows)
+        _add_attribute(dataset, "description", description)
+        _add_attribute(dataset, "units", json.dumps({column: UNITS[column] for column in rows.dtype.names}))
+        _add_attribute(dataset, "surfaces", list(result.surfaces))
+    _add_dataset(file, "parameters/run_id", _texts(result.run_id))
+    _add_dataset(file, "parameters/configuration", _texts(json.dumps(result.parameters, sort_keys=True)))
+    _add_dataset(file, "parameters/versions", _texts(json.dumps(_versions())))
 
 
-def _write_parameters(file: h5py.File, result: Result) -> None:
-    group = file.create_group("parameters")
-    group["run_id"] = result.run_id
-    group["configuration"] = json.dumps(result.parameters, sort_keys=True)
-    group["versions"] = json.dumps(_versions())
+def _add_dataset(file: h5py.h5f.FileID, place: str, values: np.ndarray) -> h5py.h5d.DatasetID:
+    from h5py import h5d, h5p, h5s
+
+    untimed = h5p.create(h5p.DATASET_CREATE)
+    untimed.set_obj_track_times(False)
+    dataset = h5d.create(file, place.encode(), _type(values.dtype), h5s.create_simple(values.shape), untimed)
+    if values.size:
+        dataset.write(h5s.ALL, h5s.ALL, values)
+    return dataset
+
+
+def _add_attribute(dataset: h5py.h5d.DatasetID, name: str, value: str | list[str]) -> None:
+    from h5py import h5a, h5s
+
+    values = _texts(value)
+    h5a.create(dataset, name.encode(), _type(values.dtype), h5s.create_simple(values.shape)).write(values)
+
+
+@cache
+def _type(dtype: np.dtype) -> h5py.h5t.TypeID:
+    from h5py import h5t
+
+    return h5t.py_create(dtype, logical=True)
+
+
+def _texts(value: str | list[str]) -> np.ndarray:
+    import h5py
+
+    return np.array(value, h5py.string_dtype())
 
 
 @cache

@@ -7,8 +7,11 @@ cannot hold a blueprint; `runner.viewer` has the one for all recordings.
 from __future__ import annotations
 
 import json
-import re
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
     import rerun as rr
     from rerun.chunk import Chunk
 
-FILE = "recording.rrd"
+FILE, PACKED = "recording.rrd", "recordings.rrd"
 APPLICATION = "carom"
 
 FLAT_TRIANGLES = 5_000  # a larger mesh shares its vertices and looks smooth: a third of the bytes
@@ -29,6 +32,7 @@ TRAILS = 30  # more of them hide the balls
 TRAIL_VERTICES = 20_000
 BOUNCE_MARKS = 20_000  # ten times as many and the viewer stutters
 SERIES = {"kinetic": 0xFF6B5EFF, "potential": 0x5B9DFFFF, "total": 0xF0F0F0FF, "residual": 0xFFC84AFF}  # RGBA
+ESCAPED = str.maketrans({mark: f"\\{mark}" for mark in "\\`*_|<["})  # what markdown would take for its own
 
 
 def write(result: Result, path: Path) -> None:
@@ -40,19 +44,49 @@ def write(result: Result, path: Path) -> None:
     """
     from rerun.chunk import ChunkStore
 
-    chunks = [*_scene(result), *_balls(result), _trails(result), *_bounces(result), *_energy(result), _about(result)]
+    frames = _index(result.trajectory.time, np.arange(len(result.trajectory.time)))
+    own = [*_balls(result, frames), _trails(result), _bounces(result), _energy(result, frames), _about(result)]
+    chunks = [*_scene(result.surfaces), *_styles(result.balls.radius), *own]
     try:
         ChunkStore.from_chunks(chunks).write_rrd(path, application_id=APPLICATION, recording_id=result.run_id)
     except RuntimeError as error:
         raise OSError(f"{path}: {error}") from error
 
 
-def _scene(result: Result) -> Iterator[Chunk]:
+def join(files: dict[str, Path], path: Path) -> None:
+    """Write the recordings in the runs' `files` to the new file `path`, where each keeps its recording id."""
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "merge", *map(str, files.values()), "-o", str(path)]
+    # CI=1 keeps rerun from sending usage figures home
+    done = subprocess.run(command, env=os.environ | {"CI": "1", "RUST_LOG": "error"}, capture_output=True, text=True)
+    if done.returncode:
+        raise OSError(f"{path}: {done.stderr.strip() or f'rerun ended with {done.returncode}'}")
+
+
+def take(packed: Path, run_id: str, path: Path) -> None:
+    """Write the run's recording out of the file `packed` to the new file `path`."""
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(packed)
+    (store,) = (each for each in reader.recordings() if each.recording_id == run_id)
+    reader.store(store=store).write_rrd(path, application_id=APPLICATION, recording_id=run_id)
+
+
+_drawn: dict[tuple, list[Chunk]] = {}  # the scene drawn last by its content: that of most runs of a sweep
+
+
+def _scene(surfaces: dict[str, Mesh]) -> list[Chunk]:
+    content = tuple((name, mesh.vertices.tobytes(), mesh.triangles.tobytes()) for name, mesh in surfaces.items())
+    if content not in _drawn:
+        _drawn.clear()
+        _drawn[content] = list(_meshes(surfaces))
+    return _drawn[content]
+
+
+def _meshes(surfaces: dict[str, Mesh]) -> Iterator[Chunk]:
     import rerun as rr
 
-    yield _static("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
-    colors = _colors(len(result.surfaces), brightness=0.6, contrast=0.12, alpha=0.35)
-    for (name, mesh), color in zip(result.surfaces.items(), colors):
+    colors = _colors(len(surfaces), brightness=0.6, contrast=0.12, alpha=0.35)
+    for (name, mesh), color in zip(surfaces.items(), colors):
         vertices, triangles, normals = _shaded(mesh)
         yield _static(
             f"/scene/{rr.escape_entity_path_part(name)}",
@@ -62,25 +96,36 @@ def _scene(result: Result) -> Iterator[Chunk]:
         )
 
 
-def _balls(result: Result) -> Iterator[Chunk]:
+@lru_cache
+def _styles(radius: float) -> list[Chunk]:
+    """What is the same in all recordings of balls of this radius (m)."""
+    import rerun as rr
+
+    return [
+        _static("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP),
+        _static("/balls", rr.Points3D.from_fields(radii=radius)),
+        _static(
+            "/bounces", rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.8), colors=0xFFFFFFFF, point_shading="Flat")
+        ),
+        _static("/energy", rr.SeriesLines(names=list(SERIES), colors=np.array(list(SERIES.values()), "u4"))),
+    ]
+
+
+def _balls(result: Result, frames: list[rr.TimeColumn]) -> Iterator[Chunk]:
     """One entity whose number of points changes as balls are born and die."""
     import rerun as rr
 
     position = result.trajectory.position
     alive = ~np.isnan(position[:, :, 0])
     counts = alive.sum(axis=1)
-    yield _static("/balls", rr.Points3D.from_fields(radii=result.balls.radius))
-    yield _columns(
-        "/balls", *_frames(result), rr.Points3D.columns(positions=position.astype("f4")[alive]).partition(counts)
-    )
+    yield _columns("/balls", frames, rr.Points3D.columns(positions=position.astype("f4")[alive]).partition(counts))
 
     # A point is known by its place among those alive, so that its color need only be told where that changes.
     changed = np.flatnonzero(np.append(True, (alive[1:] != alive[:-1]).any(axis=1)))
     colors = _colors(len(result.balls))[np.nonzero(alive[changed])[1]]
     yield _columns(
         "/balls",
-        result.trajectory.time[changed],
-        changed,
+        _index(result.trajectory.time[changed], changed),
         rr.Points3D.columns(colors=colors).partition(counts[changed]),
     )
 
@@ -109,28 +154,23 @@ def _trails(result: Result) -> Chunk:
     return _static("/trails", rr.LineStrips3D(strips, colors=colors, radii=rr.Radius.ui_points(0.6)))
 
 
-def _bounces(result: Result) -> Iterator[Chunk]:
+def _bounces(result: Result) -> Chunk:
     """A mark where the ball touched the surface, at that time; the blueprint keeps the earlier ones in sight."""
     import rerun as rr
 
     bounces = _thinned(result.bounces, BOUNCE_MARKS)
     contact = bounces["position"] - result.balls.radius * bounces["normal"]
-    frames = np.searchsorted(result.trajectory.time, bounces["time"])
-    style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.8), colors=0xFFFFFFFF, point_shading="Flat")
-    yield _static("/bounces", style)
-    yield _columns("/bounces", bounces["time"], frames, rr.Points3D.columns(positions=contact.astype("f4")))
+    index = _index(bounces["time"], np.searchsorted(result.trajectory.time, bounces["time"]))
+    return _columns("/bounces", index, rr.Points3D.columns(positions=contact.astype("f4")))
 
 
-def _energy(result: Result) -> Iterator[Chunk]:
+def _energy(result: Result, frames: list[rr.TimeColumn]) -> Chunk:
     import rerun as rr
 
     energy = result.energy
     values = np.stack([energy.kinetic, energy.potential, energy.kinetic + energy.potential, energy.residual], axis=1)
-    yield _static("/energy", rr.SeriesLines(names=list(SERIES), colors=np.array(list(SERIES.values()), "u4")))
-    yield _columns(
-        "/energy",
-        *_frames(result),
-        rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(SERIES))),
+    return _columns(
+        "/energy", frames, rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(SERIES)))
     )
 
 
@@ -155,9 +195,10 @@ def _table(title: str, values: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
+@lru_cache(maxsize=1000)  # much of it stands in every recording
 def _plain(text: str) -> str:
     """Markdown that shows `text` on one line and as it is: a height of 2*x*z has no italics."""
-    return re.sub(r"([\\`*_|<\[])", r"\\\1", " ".join(text.split()))
+    return " ".join(text.split()).translate(ESCAPED)
 
 
 def _leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
@@ -177,19 +218,19 @@ def _static(entity: str, archetype: rr.AsComponents) -> Chunk:
     return Chunk.from_columns(entity, [], [batch.partition([len(batch.as_arrow_array())]) for batch in batches])
 
 
-def _columns(entity: str, time: np.ndarray, frame: np.ndarray, columns: rr.ComponentColumnList) -> Chunk:
-    """A row of `columns` per `time` (rows,) in s and `frame` (rows,)."""
-    import rerun as rr
+def _columns(entity: str, index: list[rr.TimeColumn], columns: rr.ComponentColumnList) -> Chunk:
+    """A row of `columns` for each of `index`."""
     from rerun.chunk import Chunk
 
-    nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")  # rerun would round 0.29 s down to 289999999 ns
-    index = [rr.TimeColumn("time", duration=nanoseconds), rr.TimeColumn("frame", sequence=frame)]
     return Chunk.from_columns(entity, index, columns)
 
 
-def _frames(result: Result) -> tuple[np.ndarray, np.ndarray]:
-    """The time in s and the number of every frame."""
-    return result.trajectory.time, np.arange(len(result.trajectory.time))
+def _index(time: np.ndarray, frame: np.ndarray) -> list[rr.TimeColumn]:
+    """The timelines, from a `time` (rows,) in s and the number of a frame (rows,)."""
+    import rerun as rr
+
+    nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")  # rerun would round 0.29 s down to 289999999 ns
+    return [rr.TimeColumn("time", duration=nanoseconds), rr.TimeColumn("frame", sequence=frame)]
 
 
 def _thinned(values: np.ndarray, limit: int) -> np.ndarray:
@@ -222,6 +263,7 @@ def _shaded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return vertices, triangles, normals / np.where(length > 0, length, 1)
 
 
+@lru_cache(maxsize=8)
 def _colors(count: int, brightness: float = 0.65, contrast: float = 0.35, alpha: float = 1.0) -> np.ndarray:
     """(count, 4) RGBA bytes; neighbours differ, since their hues are a golden ratio of the circle apart."""
     hue = 0.6180339887 * np.arange(count)[:, None] + [0, 1 / 3, 2 / 3]

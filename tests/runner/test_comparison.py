@@ -6,6 +6,8 @@ from pathlib import Path
 import h5py
 import pytest
 
+from runner import seal
+
 RUNS = "matrix: {balls.mass: [1, 2]}\n"
 
 
@@ -23,7 +25,8 @@ def report(folder: str) -> Path:
 
 def change(folder: str, **values) -> None:
     path = report(folder)
-    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+    told = {name: value for name, value in json.loads(path.read_text()).items() if name != "sha256"}
+    path.write_bytes(seal.seal(told | values))
 
 
 def test_the_same_runs_do_not_differ(two, carom):
@@ -40,17 +43,20 @@ def test_a_run_that_one_side_lacks(two, carom):
     path = report("b").parent
     path.rename("elsewhere")
     code, out, _ = carom("compare", "a/x", "b/x")
-    assert (code, out) == (1, f"{path.name}: only in a/x\n")
+    assert (code, out) == (1, f"{path.name}: only in a/x\n0 of 1 runs differ; 1 only in a/x\n")
 
 
 def test_status_and_figures(two, carom):
     figures = json.loads(report("b").read_text())["figures"]
     was = figures["energy_final"]
-    change("b", status="diverged", figures=figures | {"energy_final": was * 1.001, "sim_seconds": 99.0})
+    change("b", status="diverged", figures=figures | {"energy_final": was * 1.002, "sim_seconds": 99.0})
     code, out, _ = carom("compare", "a/x", "b/x", "--rtol", "1e-4")
-    assert code == 1 and out.count("\n") == 1
-    assert "status finished and diverged" in out and f"energy_final {was} and {was * 1.001}" in out
-    assert "sim_seconds" not in out
+    run_id = report("b").parent.name
+    assert code == 1 and "sim_seconds" not in out
+    assert out.splitlines() == [
+        f"{run_id}: status finished and diverged; energy_final {was} and {was * 1.002} (relative 0.002)",
+        f"1 of 2 runs differ; energy_final by up to 0.002 (relative) in {run_id}",
+    ]
     change("b", status="finished")
     assert carom("compare", "a/x", "b/x", "--rtol", "1e-2").code == 0
 
@@ -59,8 +65,25 @@ def test_trajectories(two, carom):
     with h5py.File(report("b").with_name("trajectory.h5"), "r+") as file:
         file["particles/balls/position/value"][-1, 0, 0] += 1e-6
     code, out, _ = carom("compare", "a/x", "b/x")
-    assert code == 1 and "position differs by up to 1e-06" in out and "velocity" not in out
+    assert code == 1 and "position differs by up to 1e-06 m, of 1 balls, from 0.2 s on" in out and "velocity" not in out
+    assert "1 of 2 runs differ; position by up to 1e-06 m in " in out
     assert carom("compare", "a/x", "b/x", "--rtol", "1e-5").code == 0
+
+
+def test_a_ball_that_only_one_side_has(two, carom):
+    with h5py.File(report("b").with_name("trajectory.h5"), "r+") as file:
+        file["particles/balls/position/value"][-1, 0] = float("nan")
+    code, out, _ = carom("compare", "a/x", "b/x", "--rtol", "1")
+    assert code == 1 and "position: other balls are alive" in out
+
+
+def test_a_setting_that_the_older_version_did_not_have(two, carom):
+    """Left at its default it makes no other run."""
+    older = json.loads(report("b").read_text())["parameters"]
+    del older["repeats"]
+    change("b", parameters=older)
+    assert carom("compare", "a/x", "b/x")[:2] == (0, "no differences\n")
+    assert carom("compare", "b/x", "a/x")[:2] == (0, "no differences\n")
 
 
 def test_no_runs(here, carom):

@@ -267,3 +267,12 @@ def test_the_order_in_the_file_does_not_change_a_byte(here):
 def test_the_readable_part_tells_method_mass_and_damping(here):
     run = load(EVERYTHING, balls__mass=0.1, scene__damping=1e-3, solver__method="rk4_original").base
     assert run.run_id.startswith("rk4_original-m0.1-d0.001-") and len(run.run_id.rsplit("-")[-1]) == 12
+
+
+@pytest.mark.parametrize("name", ["smoke", "baffles"])
+def test_runs_checked_in_parts_are_those_checked_whole(name):
+    experiment = config.load(Path(__file__).parents[2] / "configs" / f"{name}.yaml")
+    for run in experiment.runs():
+        whole = config.resolve(run.parameters, run.folder)
+        assert (run.setup, run.parameters, run.run_id) == (whole.setup, whole.parameters, whole.run_id)
+    assert run.parameters["record"] is experiment.base.parameters["record"], "what does not vary is shared"

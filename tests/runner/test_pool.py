@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from runner.errors import RunError
-from runner.pool import Workers
+from runner import pool
 from runner.worker import Task
 
 
@@ -31,23 +31,30 @@ def perform(task: Task) -> str:
     return "finished"
 
 
-def carry_out(names: list[str], jobs: int = 2) -> tuple[list[str], dict[str, str]]:
-    told, lost = [], {}
-    with Workers(jobs) as workers:
+def carry_out(names: list[str], jobs: int = 2) -> tuple[list[str], dict[str, list[str]]]:
+    """What was told, and how each died that did, at each of its tries; two are all."""
+    told, deaths = [], {}
+
+    def lost(task: Task, cause: str, count: int) -> bool:
+        deaths.setdefault(task.run_id, []).append(cause)
+        assert len(deaths[task.run_id]) == count
+        return count == 2
+
+    with pool.local(jobs) as workers:
         workers.carry_out(
             perform,
             map(task, names),
             lambda task, status: told.append(task.run_id),
-            lambda task, cause: lost.update({task.run_id: cause}),
+            lost,
         )
-    return told, lost
+    return told, deaths
 
 
 def test_the_killers_are_lost_with_their_cause_and_all_others_are_told_once():
     names = [f"good-{i}" for i in range(20)]
-    told, lost = carry_out(names[:7] + ["killer"] + names[7:] + ["exits"])
+    told, deaths = carry_out(names[:7] + ["killer"] + names[7:] + ["exits"])
     assert sorted(told) == sorted(names)
-    assert lost == {"killer": "its worker died by SIGKILL", "exits": "its worker exited with 3"}
+    assert deaths == {"killer": ["its worker died by SIGKILL"] * 2, "exits": ["its worker exited with 3"] * 2}
 
 
 def test_a_run_that_cannot_be_written_ends_the_sweep_in_one_line():
@@ -60,7 +67,7 @@ def test_an_exception_leaves_no_worker_behind():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        with Workers(2) as workers:
+        with pool.local(2) as workers:
             workers.carry_out(perform, map(task, ["slow-1", "good-1", "slow-2"]), stop, stop)
     assert not [p for p in children() if "spawn_main" in p]
 

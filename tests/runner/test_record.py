@@ -208,6 +208,36 @@ def test_h5_has_the_same_bytes_each_time(tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
+def test_h5_keeps_nothing_of_the_run_before(tmp_path):
+    """Runs of as many frames and balls share the objects of their files."""
+    other = run(released=(0.1, 0.15, 0.25))
+    hdf5.write(run(), tmp_path / "before")
+    hdf5.write(other, tmp_path / "after")
+    assert hdf5._template.cache_info().hits
+    hdf5._template.cache_clear()
+    hdf5.write(other, tmp_path / "alone")
+    assert (tmp_path / "after").read_bytes() == (tmp_path / "alone").read_bytes()
+
+
+def test_h5_of_a_large_run_is_the_same_tree(result, tmp_path, monkeypatch):
+    hdf5.write(result, tmp_path / "small")
+    monkeypatch.setattr(hdf5, "SMALL", -1)
+    hdf5.write(result, tmp_path / "large")
+    with h5py.File(tmp_path / "small") as small, h5py.File(tmp_path / "large") as large:
+        assert list(tree(small)) == list(tree(large))
+
+
+def tree(group):
+    """Every object below the group by its path, with its attributes and what it holds; what has two names, twice."""
+    for name, item in group.items():
+        held = None
+        if isinstance(item, h5py.Dataset):
+            held = item.dtype, item.shape, item.chunks, item.asstr()[()] if item.dtype == object else item[()].tobytes()
+        yield item.name, held, [(key, str(value), item.attrs.get_id(key).dtype) for key, value in item.attrs.items()]
+        if isinstance(item, h5py.Group):
+            yield from tree(item)
+
+
 # --- recording.rrd ---
 
 
@@ -287,6 +317,16 @@ def test_rrd_shows_surfaces_flat_and_translucent(recording, result):
             {(0, 1, 0)} if mesh is FLOOR else {(1, 0, 0)}
         )
         assert 0 < columns["Mesh3D:albedo_factor"][0][0] & 0xFF < 255
+
+
+def test_rrd_shows_its_own_surfaces_whatever_was_drawn_before(tmp_path):
+    moved = {name: Mesh(mesh.vertices + 0.5, mesh.triangles) for name, mesh in SURFACES.items()}
+    for surfaces in (SURFACES, moved, SURFACES):
+        rrd.write(run(surfaces=surfaces), tmp_path / rrd.FILE)
+        columns = read(tmp_path / rrd.FILE)[r"/scene/floor"]
+        [vertices], [triangles] = columns["Mesh3D:vertex_positions"], columns["Mesh3D:triangle_indices"]
+        mesh = surfaces["floor"]
+        np.testing.assert_array_equal(np.array(vertices)[triangles], mesh.vertices[mesh.triangles].astype("f4"))
 
 
 def test_rrd_marks_each_contact_when_it_happens(recording, result):

@@ -76,7 +76,8 @@ def test_the_folder_holds_what_the_readme_says_and_nothing_else(swept):
 def test_run_json_tells_all_of_a_run(swept):
     for run_id, folder in runs_in(swept / "outputs" / "tiny").items():
         report = json.loads((folder / "run.json").read_text())
-        assert set(report) == {"run_id", "status", "error", "parameters", "figures", "timings"}
+        assert set(report) == {"run_id", "status", "error", "parameters", "figures", "timings", "files", "sha256"}
+        assert report["files"].keys() == RUN_FILES - {"run.json"}
         assert (report["run_id"], report["status"], report["error"]) == (run_id, "finished", None)
         assert config.resolve(report["parameters"], swept).run_id == run_id
         assert list(report["figures"]) == list(columns.FIGURES)
@@ -206,8 +207,12 @@ def test_a_dry_run_writes_nothing_and_lists_what_is_to_do(again, carom):
 
 def test_what_a_sweep_that_died_left_behind_is_cleared(again, carom, inline):
     folder = again / "outputs" / "tiny"
-    dead = folder / "runs" / f"{store.ASIDE}{os.uname().nodename}-{2**22 + 1}"  # above the largest process id
-    (dead / "half").mkdir(parents=True)
+    aside = folder / "runs" / store.ASIDE
+    dead = f"{os.uname().nodename}-{2**22 + 1}"  # above the largest process id
+    (aside / f"half-m1.{dead}").mkdir(parents=True)
+    (aside / "half-m1.claim").write_text("Fatal Python error")
+    for unnamed in (folder / f".summary.csv.{dead}", folder / "charts" / f".a.png.{dead}"):
+        unnamed.write_text("half")
     assert carom("status", folder).out == "done 4, failed 0, todo 0\n"
     assert sweep_again(carom, "-s", "balls.mass=3").code == 0
     assert not list(folder.rglob(".*"))
@@ -257,12 +262,18 @@ def test_a_run_larger_than_the_memory_fails_alone(here, carom_process, fall):
     assert sorted(report["status"] for report in reports) == ["failed", "finished"]
 
 
+def test_a_log_names_what_is_compiled(here, carom, inline, fall):
+    Path("x.yaml").write_text(fall)
+    code, _, err = carom("sweep", "x.yaml", "-s", "balls.mass=1,2")
+    assert code == 0 and "\npreparing 1 kernel (explicit_euler (original contact)), compiled at the first use" in err
+
+
 def test_fail_fast_stops_at_the_first_failure(here, carom_process, fall):
     Path("x.yaml").write_text(fall)
     masses = ",".join(str(mass) for mass in range(1, 101))
     options = ["-s", "record.every=1e-15,0.01", "-s", f"balls.mass={masses}", "--jobs", "1", "--fail-fast"]
     code, _, err = carom_process("sweep", "x.yaml", *options, cwd=here)
-    made = store.read_runs(here / "outputs" / "x")
+    made = list(store.read_runs(here / "outputs" / "x"))
     assert code == 1 and "200 to do" in err
     assert 1 <= len(made) < 50 and {report["status"] for report in made} == {"failed"}
     assert not list((here / "outputs").rglob(".*"))

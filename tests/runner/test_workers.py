@@ -1,5 +1,6 @@
 """Worker processes: the same bytes however many there are, and none left behind."""
 
+import ctypes
 import json
 import os
 import signal
@@ -12,21 +13,28 @@ from pathlib import Path
 import h5py
 import pytest
 
+from runner import config, plan, store, sweeping, worker
+
+TAKE, PERFORM = worker.take, worker.perform
 EIGHT = """\
 matrix:
   solver.method: [explicit_euler, rk4_original]
-  balls.mass: [1, 2, 3, 4]
+  balls.mass: [1, 2]
+  scene.surfaces.floor.point: [[0, 0, 0], [0, 0.5, 0]]
 """
 MANY = 60
-#: Each run takes some 50 ms, so that a signal finds the sweep at work.
-LONG = f"""\
+
+
+def seeds(count: int) -> str:
+    """An experiment whose runs take some 50 ms each, so that a signal finds the sweep at work."""
+    return f"""\
 # Does it stop when it is told to?
 scene: {{surfaces: {{room: {{shape: box, center: [0, 0, 0], size: [2, 2, 2], inside: true}}}}}}
 balls: {{scatter: {{count: 100, box: [[-0.9, -0.9, -0.9], [0.9, 0.9, 0.9]], max_speed: 5}}}}
 solver: {{method: explicit_euler, step: 1.0e-4, contact: original}}
 duration: 1
 record: {{formats: [hdf5], every: 0.1}}
-matrix: {{balls.scatter.seed: {list(range(MANY))}}}
+matrix: {{balls.scatter.seed: {list(range(count))}}}
 """
 
 
@@ -47,13 +55,93 @@ def test_the_same_bytes_with_one_worker_with_two_and_again(tmp_path, carom_proce
     assert len(found[0]) == 8 and found[0] == found[1] == trajectories(folder)
 
 
-def test_two_sweeps_into_one_folder_at_once(tmp_path, fall):
-    (tmp_path / "x.yaml").write_text(fall + EIGHT)
-    both = [start(tmp_path, "x.yaml", "--jobs", "1") for _ in range(2)]
-    for each in both:
-        _, err = each.communicate(timeout=100)
-        assert each.returncode == 0, err
-    assert len(trajectories(tmp_path)) == 8 and left_behind(tmp_path) == []
+def test_the_same_bytes_in_another_order_and_resumed(here, carom, inline, fall):
+    """What a worker keeps from one run to the next must not show."""
+    Path("x.yaml").write_text(fall + EIGHT)
+    assert carom("sweep", "x.yaml", "--out", "a").code == 0
+    backwards = "scene.surfaces.floor.point=[0, 0.5, 0],[0, 0, 0]"
+    assert carom("sweep", "x.yaml", "--out", "b", "-s", "balls.mass=2", "-s", backwards).code == 0
+    assert carom("sweep", "x.yaml", "--out", "b").code == 0
+    one, other = ({path.parent.name: path.read_bytes() for path in Path(out).rglob("trajectory.h5")} for out in "ab")
+    assert len(one) == 8 and one == other
+
+
+NOTED = """\
+from runner import sweeping, worker
+from tests.runner.test_workers import noted
+worker.take = noted
+print(len(sweeping.sweep("x.yaml", jobs=2)))
+"""
+
+
+def noted(task: worker.Task) -> str:
+    """Take the task; each run that is really made is a line of a file."""
+
+    def perform(task):
+        with open("made.txt", "a") as made:
+            made.write(f"{task.run_id}\n")
+        return PERFORM(task)
+
+    worker.perform = perform
+    return TAKE(task)
+
+
+def test_two_sweeps_into_one_folder_make_no_run_twice_and_both_have_them_all(tmp_path):
+    few = 20
+    (tmp_path / "x.yaml").write_text(seeds(few))
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    both = [
+        subprocess.Popen([sys.executable, "-c", NOTED], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    assert [each.communicate(timeout=200)[0] for each in both] == [f"{few}\n"] * 2
+    made = (tmp_path / "made.txt").read_text().split()
+    assert sorted(made) == sorted(trajectories(tmp_path)) and len(made) == few
+    assert left_behind(tmp_path) == []
+
+
+# Runs that end their process
+
+
+def hurt(task: worker.Task) -> str:
+    """Take the task; what mass its ball has tells what its run does to the process."""
+
+    def perform(task):
+        match task.parameters["balls"]["mass"]:
+            case 2:
+                ctypes.string_at(0)
+            case 3:
+                os.kill(os.getpid(), signal.SIGKILL)
+            case 4:
+                ctypes.PyDLL(None).sleep(100)  # in C, and no other thread can run
+        return PERFORM(task)
+
+    worker.perform = perform
+    if task.parameters["balls"]["mass"] == 4:
+        worker.GRACE, task = 0.2, task._replace(timeout=0.1)
+    return TAKE(task)
+
+
+def test_a_run_that_crashes_or_hangs_costs_no_other(here, fall, monkeypatch):
+    Path("x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2, 3, 4, 5, 6, 7, 8]}\n")
+    work, heard = plan.plan(config.load("x.yaml"), Path("outputs")), []
+    progress = sweeping.Progress()
+    progress.done = lambda run_id, status: heard.append(status)
+    with monkeypatch.context() as patch:
+        patch.setattr(worker, "take", hurt)
+        sweeping.carry_out(work, jobs=2, timeout=60, progress=progress)
+
+    assert sorted(heard) == ["crashed"] * 2 + ["finished"] * 5 + ["timeout"] and left_behind(here) == []
+    reports = {report["parameters"]["balls"]["mass"]: report for report in store.read_runs(work.folder)}
+    assert [reports[mass]["status"] for mass in range(1, 9)] == ["finished", "crashed", "crashed", "timeout"] + ["finished"] * 4
+    assert reports[2]["error"] == "its worker died by SIGSEGV: Fatal Python error: Segmentation fault"
+    assert any("in string_at" in line for line in reports[2]["last_words"])
+    assert (reports[3]["error"], reports[3]["last_words"]) == ("its worker died by SIGKILL", [])
+    assert reports[4]["error"] == "hung, and was ended after 65 s"
+    assert any("in perform" in line for line in reports[4]["last_words"])
+
+    again = plan.plan(config.load("x.yaml"), Path("outputs"), retry_failed=True)
+    assert {run.setup.balls.mass for run in again.todo} == {2, 3, 4}
 
 
 # Stopped from outside
@@ -98,7 +186,7 @@ def until(condition, seconds=60):
 @pytest.fixture
 def at_work(tmp_path):
     """A sweep under way, with two workers and some runs done; whatever is left of it is ended."""
-    (tmp_path / "long.yaml").write_text(LONG)
+    (tmp_path / "long.yaml").write_text(seeds(MANY))
     sweep = start(tmp_path, "long.yaml", "--jobs", "2")
     try:
         until(lambda: sweep.poll() is not None or len(trajectories(tmp_path)) >= 4)
@@ -143,20 +231,35 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_later(tmp_path, at_
         assert len(finished) == MANY and done.items() <= finished.items()
 
 
-@pytest.mark.slow  # each suspect gets a process of its own
 def test_a_worker_that_is_killed_costs_no_run(tmp_path, at_work):
-    workers = [pid for pid in members(at_work.pid) if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
-    assert len(workers) == 2
-    os.kill(workers[0], signal.SIGKILL)
+    victim = workers(at_work)[0]
+    os.kill(victim, signal.SIGKILL)
     _, err = at_work.communicate(timeout=60)
     assert at_work.returncode == 0 and "Traceback" not in err, err
     until(lambda: not members(at_work.pid), seconds=5)
     assert len(trajectories(tmp_path)) == MANY and left_behind(tmp_path) == []
 
 
+def test_a_sweep_that_is_killed_leaves_no_worker_and_no_half_run(tmp_path, at_work, carom_process):
+    assert len(workers(at_work)) == 2
+    at_work.kill()
+    at_work.wait()
+    until(lambda: not members(at_work.pid), seconds=5)
+    done = trajectories(tmp_path)
+    for run_id in done:
+        assert store.read_run(tmp_path / "outputs/long", run_id)["status"] == "finished"
+    code, _, err = carom_process("sweep", "long.yaml", cwd=tmp_path)
+    assert code == 0 and f"{MANY} runs, {len(done)} done" in err
+    assert done.items() <= trajectories(tmp_path).items() and left_behind(tmp_path) == []
+
+
+def workers(sweep) -> list[int]:
+    return [pid for pid in members(sweep.pid) if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
+
+
 # Over many runs
 
-PERFORM = """\
+MEASURED = """\
 import json, os, sys
 from pathlib import Path
 from runner import config, worker
@@ -188,7 +291,7 @@ def test_memory_and_threads_stay_flat_over_many_runs(tmp_path, fall):
         fall.replace("[hdf5]", "[hdf5, rrd]")
         + f"matrix: {{balls.mass: {list(range(1, 121))}, solver.step: [0.01, 0.02, 0.04, 0.05, 0.1]}}\n"
     )
-    command = [sys.executable, "-c", PERFORM, str(tmp_path / "x.yaml"), str(tmp_path), "100", "600"]
+    command = [sys.executable, "-c", MEASURED, str(tmp_path / "x.yaml"), str(tmp_path), "100", "600"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     (early, threads_early), (late, threads_late) = json.loads(done.stdout)

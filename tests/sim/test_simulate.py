@@ -1,12 +1,14 @@
 """A run as a whole: its frames, how it can end, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim import engines, lanes, log
 from sim.forces import Spring
 from sim.model import Invalid
-from sim.shapes import Box, Plane
+from sim.shapes import Box, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver, frame_times
 from tests.sim.helpers import FREE, balls, fly, random_balls, room, simulation
 
@@ -175,6 +177,39 @@ def test_surfaces_are_numbered_in_their_order():
     scene = Scene(gravity=FREE, surfaces=surfaces, restitution=1)
     bounces = fly(scene, balls((0, 5, 0), (0, -10, 0)), step=0.1, duration=2.0).bounces
     assert list(bounces["surface"]) == [1, 0]
+
+
+SLOPE = {"slope": Rectangle(center=(0, 0, 0), normal=(0.3, 1, 0), size=(4, 4))}
+CRATE = {"crate": Box(center=(0, 0, 0), size=(2, 2, 2))}
+ABOVE, ASIDE = balls((0, 3, 0), (0.1, 0, 0)), balls((3, 3, 0), (-1, 0, 0))
+
+
+@pytest.mark.parametrize(
+    "surfaces, start, method, shared",
+    [
+        (SLOPE, ABOVE, "rk4", True),
+        (SLOPE, ASIDE, "exact", True),  # a ball anywhere can touch both its sides
+        (CRATE, ABOVE, "rk4", True),
+        (CRATE, ASIDE, "exact", False),  # of a box the side on which balls start
+        (SLOPE | CRATE, ABOVE, "exact", False),
+        ({"slope": replace(SLOPE["slope"], size=(4, 5))}, ABOVE, "exact", False),
+        ({"another": SLOPE["slope"]}, ABOVE, "exact", False),
+    ],
+)
+def test_geometry_is_shared_where_it_is_the_same(surfaces, start, method, shared):
+    before = SLOPE if "crate" not in surfaces else CRATE
+    like = Simulation(Scene(surfaces=before), ABOVE, Solver("exact"), 1.0, 0.1)
+    other = Simulation(Scene(surfaces=surfaces), start, Solver(method), 1.0, 0.1, like)
+    assert (other.features is like.features) == shared
+    alone = Simulation(Scene(surfaces=surfaces), start, Solver(method), 1.0, 0.1)
+    for ours, theirs in zip(other.features[:3], alone.features[:3]):
+        assert np.array_equal(ours, theirs)
+
+
+def test_the_geometry_of_another_contact_rule_is_another():
+    like = Simulation(Scene(surfaces=SLOPE), ABOVE, Solver("rk4"), 1.0, 0.1)
+    other = Simulation(Scene(surfaces=SLOPE), ABOVE, Solver("rk4", contact="original"), 1.0, 0.1, like)
+    assert len(other.features.edges) == 0 < len(like.features.edges)
 
 
 @pytest.mark.parametrize(

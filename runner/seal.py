@@ -1,0 +1,55 @@
+"""Checksums: of a run's files, and of the report that notes them, so that a damaged file does not pass for a result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+MARK = b',\n "sha256": "'  # before the checksum, which ends a sealed text
+
+
+def checksum(path: Path) -> dict[str, Any]:
+    """The file's size and its SHA-256, as `sha256sum` prints it."""
+    with open(path, "rb") as file:
+        return {"bytes": os.fstat(file.fileno()).st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+
+
+def fault(path: Path, noted: dict[str, Any]) -> str | None:
+    """What is wrong with the file, held against the checksum noted when it was made; None when nothing is."""
+    try:
+        size = path.stat().st_size
+        if size != noted["bytes"]:
+            return f"has {size} bytes instead of {noted['bytes']}"
+        return None if checksum(path) == noted else "changed, its checksum is another"
+    except FileNotFoundError:
+        return "missing"
+    except OSError as error:
+        return f"cannot be read: {error.strerror or error}"
+
+
+def seal(data: dict[str, Any]) -> bytes:
+    """`data` as JSON that ends with the checksum of the text before."""
+    text = json.dumps(data, indent=1, allow_nan=False).removesuffix("\n}").encode()
+    return text + _ending(text)
+
+
+def unseal(text: bytes) -> dict[str, Any]:
+    """What was sealed, and its checksum as `sha256`; what older versions made has none.
+
+    Raises ValueError in a few words when the text was cut or changed.
+    """
+    try:
+        data = json.loads(text)
+    except ValueError:
+        raise ValueError("cut or changed, it is not JSON any more") from None
+    body, mark, _ = text.rpartition(MARK)
+    if not isinstance(data, dict) or mark and text != body + _ending(body):
+        raise ValueError("changed, its checksum is another")
+    return data
+
+
+def _ending(text: bytes) -> bytes:
+    return MARK + hashlib.sha256(text).hexdigest().encode() + b'"\n}\n'
