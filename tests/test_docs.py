@@ -2,12 +2,14 @@
 
 import ast
 import graphlib
+import inspect
 import re
 from pathlib import Path
 
 import pytest
 import typer
 
+import runner
 from runner import cli, config, starts
 
 ROOT = Path(__file__).parent.parent
@@ -66,6 +68,19 @@ def test_the_python_in_the_readme_imports_what_there_is(text):
         if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in ("runner", "sim"):
             module = __import__(node.module, fromlist=["x"])
             assert all(hasattr(module, alias.name) for alias in node.names)
+
+
+def test_the_files_to_start_a_cluster_with_can_be_read():
+    from ruamel.yaml import YAML
+
+    cluster, scaler = YAML(typ="safe").load_all((ROOT / "docs/kubernetes.yaml").read_text(encoding="utf-8"))
+    assert (cluster["kind"], scaler["kind"]) == ("DaskCluster", "DaskAutoscaler")
+    assert scaler["spec"]["cluster"] == cluster["metadata"]["name"]
+    arguments = cluster["spec"]["worker"]["spec"]["containers"][0]["args"]
+    assert arguments[arguments.index("--nthreads") + 1] == "1"  # others are refused
+    tree = ast.parse((ROOT / "docs/slurm.py").read_text(encoding="utf-8"))
+    (sweep,) = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "sweep")
+    assert {keyword.arg for keyword in sweep.keywords} <= set(inspect.signature(runner.sweep).parameters)
 
 
 # The sources

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from runner import config, plan, store, sweeping, worker
-from tests.runner.test_workers import EIGHT, hurt, left_behind, seeds, trajectories, until
+from tests.runner.test_workers import EIGHT, hurt, left_behind, noted, seeds, trajectories, until
 
 cluster = pytest.importorskip("runner.cluster", exc_type=ModuleNotFoundError)
 
@@ -92,14 +92,19 @@ def sweep(path, out, **options):
 
 
 @pytest.mark.parametrize("runs", [30, pytest.param(300, marks=pytest.mark.slow)])
-def test_a_cluster_that_loses_a_worker_and_wins_one_makes_the_same_bytes(here, dask, runs):
+def test_a_cluster_that_loses_a_worker_and_wins_one_makes_the_same_bytes(here, dask, runs, monkeypatch):
     Path("long.yaml").write_text(seeds(runs))
     for _ in range(3):
         dask.join()
     progress = Disturbed(dask)
-    sweep("long.yaml", "far/outputs", cluster=dask.address, progress=progress)
+    with monkeypatch.context() as patch:
+        patch.setattr(worker, "take", noted)
+        sweep("long.yaml", "far/outputs", cluster=dask.address, progress=progress)
     assert progress.statuses == ["finished"] * runs
     assert dask.workers[0].wait(10) == -signal.SIGKILL and [each.poll() for each in dask.workers[1:]] == [None] * 3
+    made = dict(line.split() for line in (here / "made.txt").read_text().splitlines())
+    joined = dask.workers[1:] if runs > 100 else dask.workers[1:3]  # a few are done before the last has come
+    assert len(made) == runs and set(made.values()) >= {str(each.pid) for each in joined}
     sweep("long.yaml", "near/outputs", jobs=2)
     far, near = trajectories(here / "far"), trajectories(here / "near")
     assert len(far) == runs and far == near

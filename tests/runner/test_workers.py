@@ -75,11 +75,11 @@ print(len(sweeping.sweep("x.yaml", jobs=2)))
 
 
 def noted(task: worker.Task) -> str:
-    """Take the task; each run that is really made is a line of a file."""
+    """Take the task; each run that is really made is a line of a file, and in it the process."""
 
     def perform(task):
         with open("made.txt", "a") as made:
-            made.write(f"{task.run_id}\n")
+            made.write(f"{task.run_id} {os.getpid()}\n")
         return PERFORM(task)
 
     worker.perform = perform
@@ -95,7 +95,7 @@ def test_two_sweeps_into_one_folder_make_no_run_twice_and_both_have_them_all(tmp
         for _ in range(2)
     ]
     assert [each.communicate(timeout=200)[0] for each in both] == [f"{few}\n"] * 2
-    made = (tmp_path / "made.txt").read_text().split()
+    made = [line.split()[0] for line in (tmp_path / "made.txt").read_text().splitlines()]
     assert sorted(made) == sorted(trajectories(tmp_path)) and len(made) == few
     assert left_behind(tmp_path) == []
 
