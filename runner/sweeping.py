@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import os
 import time
@@ -82,10 +83,12 @@ def carry_out(
     except OSError as error:
         kind = RunError if error.errno in (errno.ENOSPC, errno.EDQUOT) else InputError
         raise kind(f"{work.folder}: cannot be written: {error.strerror or error}") from None
+    if cluster:  # its workers are not where we are
+        work, source = dataclasses.replace(work, folder=work.folder.absolute()), source.absolute()
     if work.todo or packing.batches(work.folder, work.pack):
         try:
             with _workers(work, jobs or os.cpu_count() or 1, cluster, gather) as workers:
-                _make(work, source.absolute(), workers, gather, timeout, replace, fail_fast, progress)
+                _make(work, source, workers, gather, timeout, replace, fail_fast, progress)
             if cluster:
                 _see(work)
         finally:
@@ -103,11 +106,11 @@ def _workers(work: Plan, jobs: int, cluster: str | None, gather: bool) -> pool.W
         from runner.cluster import Cluster
     except ModuleNotFoundError:
         raise InputError("--cluster needs the package distributed: pip install 'carom[cluster]'") from None
-    return Cluster(cluster, None if gather else (work.folder / store.RUNS).absolute())
+    return Cluster(cluster, None if gather else work.folder / store.RUNS)
 
 
 def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout, replace, fail_fast, progress) -> None:
-    aside = (work.folder / store.RUNS / store.ASIDE).absolute()
+    aside = work.folder / store.RUNS / store.ASIDE
     tasks = [
         Task(run.run_id, run.parameters, source, aside, aside.with_name(run.run_id), replace, timeout) for run in work.todo
     ]

@@ -55,7 +55,9 @@ def check_same(one, other):
         assert np.array_equal(getattr(one, name), getattr(other, name))
     for name in ("kinetic", "potential", "work", "lost", "supplied"):
         assert np.array_equal(getattr(one.energy, name), getattr(other.energy, name))
-    assert (one.status, one.steps, one.penetrations) == (other.status, other.steps, other.penetrations)
+    assert (one.status, one.penetrations) == (other.status, other.penetrations)
+    if one.status != "diverged":  # then the others' flights end wherever they are
+        assert one.steps == other.steps
 
 
 def test_a_centre_behind_a_face_is_counted(monkeypatch):
