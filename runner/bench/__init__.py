@@ -8,12 +8,12 @@ from dataclasses import asdict
 from typing import Any
 
 from runner import machine
-from runner.bench import kernels, peers, startup, sweeps
+from runner.bench import curves, kernels, peers, scaling, startup, sweeps
 from runner.bench.kernels import Case, Speed, measure
 from runner.document import suggestion
 from runner.errors import InputError
 
-__all__ = ["PARTS", "Case", "Speed", "checked", "document", "measure", "run"]
+__all__ = ["PARTS", "Case", "Speed", "checked", "document", "draw", "measure", "run"]
 
 Told = Callable[[str], None]
 
@@ -23,8 +23,11 @@ PARTS: dict[str, Callable[[Told], Iterator[Any]]] = {
     "sweep": sweeps.costs,
     "startup": startup.times,
     "peers": peers.compare,
+    "scaling": scaling.points,
 }
 DEFAULT = ("kernels", "sweep", "startup", "peers")
+
+draw = curves.draw  # the points of scaling
 
 
 def checked(parts: list[str] | None) -> list[str]:

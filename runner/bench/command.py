@@ -20,7 +20,7 @@ scene:
 balls:
   released: [{{position: [0, 1, 0], velocity: [0.01, 0, 0.02]}}]
 solver: {{method: symplectic_euler, step: 1.0e-3}}
-duration: {duration}
+duration: 15
 record: {{every: 0.01, formats: [hdf5, rrd]}}
 matrix:
   balls.mass: {masses}
@@ -44,13 +44,12 @@ class Spent(NamedTuple):
     peak_memory: int  # bytes, of the command's own process
 
 
-def write_experiment(path: Path, runs: int, frames: int = 1501) -> Path:
+def write_experiment(path: Path, runs: int) -> Path:
     """An experiment of so many runs, a power of ten, each of one ball."""
     masses = 10 ** (len(str(runs)) // 2)
     text = EXPERIMENT.format(
         masses=[1 + k / masses for k in range(masses)],
         dampings=[k / (runs // masses) for k in range(runs // masses)],
-        duration=(frames - 1) * 0.01,
     )
     path.write_text(text, encoding="utf-8")
     return path

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from runner.bench.figure import Figure
 from runner.bench.kernels import EVENTS, Speed
 from runner.bench.peers import Comparison, Missing
+from runner.bench.scaling import Point
 
 Table = tuple[str, list[str], list[list[str]]]
 
@@ -18,6 +19,8 @@ def tables(part: str, rows: list) -> Iterator[Table]:
         yield _stepped([row for row in rows if row.unit != EVENTS])
     elif part == "peers":
         yield _peers(rows)
+    elif part == "scaling":
+        yield _points(rows)
     else:
         yield _figures(part, rows)
 
@@ -43,6 +46,11 @@ def _stepped(speeds: list[Speed]) -> Table:
 
 def _figures(part: str, figures: list[Figure]) -> Table:
     return part.capitalize(), ["", "", ""], [[each.what, f"{each.value:.3g}", each.unit] for each in figures]
+
+
+def _points(points: list[Point]) -> Table:
+    rows = [[each.what, f"{each.size:,}", each.grows, f"{each.seconds:.3g}", f"{each.each * 1e6:.3g}"] for each in points]
+    return "How the cost grows", ["", "so many", "", "seconds", "us each"], rows
 
 
 def _peers(rows: list[Comparison | Missing]) -> Table:

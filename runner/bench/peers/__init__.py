@@ -15,8 +15,10 @@ from pkgutil import iter_modules
 
 from runner.bench.apart import apart
 from runner.bench.kernels import Case, measure
-from runner.bench.peers._work import DURATION, Answer, rms, solved, work
+from runner.bench.peers._work import Answer, rms, solved, work
 from runner.machine import peak_memory
+
+CROWD = 1000  # balls of carom, where a peer is given fewer for being slow
 
 
 @dataclass(frozen=True)
@@ -76,12 +78,13 @@ def compare(told: Callable[[str], None]) -> Iterator[Comparison | Missing]:
 
 
 def compared(name: str, index: int, balls: int | None = None) -> Comparison:
-    """The peer number `index` of a module, at its work or with so many balls instead."""
+    """The peer number `index` of a module, at its work, or it and carom with so many balls."""
     peer = import_module(f"{__name__}.{name}").PEERS[index]
     peer = replace(peer, balls=balls or peer.balls)
-    todo = work(peer.scene, peer.balls)
-    ours = measure(Case(peer.scene, peer.versus, duration=DURATION[peer.scene]))
-    place, _ = solved(peer.scene, peer.versus, peer.balls)
+    same = Case(peer.scene, peer.versus, duration=peer.duration, balls=peer.balls)
+    todo = work(peer.scene, peer.balls, peer.duration)
+    place, _ = solved(same)
+    ours = measure(replace(same, balls=balls or CROWD))
     answer = peer.solve(todo)
     return Comparison(
         peer.name, peer.scene, answer, peer.unit, todo.bounces, peer.within, peer.versus, ours.rate, rms(place - todo.truth), peak_memory()

@@ -13,7 +13,6 @@ from runner.bench.scenes import SIDE
 from sim.simulate import Flight
 
 GRAVITY = 9.8  # m/s^2, along -y
-DURATION = {"box": 5.0, "heightfield 5,000": 1.0, "heightfield 80,000": 1.0}  # s; over hills errors soon grow as in chaos
 REPEATS = 3
 
 
@@ -59,7 +58,7 @@ class Work:
 class Answer:
     """What came out."""
 
-    seconds: float  # of the fastest repeat, without compiling
+    seconds: float  # of the processor, in the fastest repeat, without compiling
     count: int  # ball-steps, events or rays
     error: float  # m, RMS over the balls at the end, or over what rays found
     bounces: int | None = None
@@ -79,23 +78,24 @@ class Peer:
     unit: str  # what is counted a second
     within: float  # m, how far it may be off and still do the same work
     scene: str = "box"
+    duration: float = 5.0  # s
     balls: int = 1000
 
 
 @lru_cache(maxsize=4)
-def work(scene: str, balls: int) -> Work:
-    position, flight = solved(scene, "exact", balls)
+def work(scene: str, balls: int, duration: float) -> Work:
+    position, flight = solved(Case(scene, "exact", duration=duration, balls=balls))
     first, _ = built(scene, "swept", balls)
     (surface,), start = first.scene.surfaces.values(), first.balls
     if scene == "box":
-        position = in_a_box(start.position, start.velocity, start.radius, DURATION[scene])
+        position = in_a_box(start.position, start.velocity, start.radius, duration)
     given = start.position, start.velocity, start.radius, *surface.mesh()
-    return Work(*given, DURATION[scene], truth=position, bounces=len(flight.bounces))
+    return Work(*given, duration, truth=position, bounces=len(flight.bounces))
 
 
-def solved(scene: str, method: str, balls: int) -> tuple[np.ndarray, Flight]:
+def solved(case: Case) -> tuple[np.ndarray, Flight]:
     """Where carom has the balls in the end (n, 3) m, and their flight."""
-    flight = simulation(Case(scene, method, duration=DURATION[scene], balls=balls)).run()
+    flight = simulation(case).run()
     return flight.trajectory.position[-1], flight
 
 

@@ -15,8 +15,10 @@ NEEDS = ("g++", "clang++")
 FLAGS = ("-O3", "-march=native", "-std=c++17")
 
 
-def in_steps(verlet: bool, work: Work) -> Answer:
-    sizes = [len(work.position), len(work.triangles), work.radius, work.step, work.steps, int(verlet), REPEATS]
+def in_steps(verlet: bool, prepared: bool, work: Work) -> Answer:
+    """With Moller and Trumbore's test of a ray and a triangle or, `prepared`, with planes worked out beforehand."""
+    how = [work.radius, work.step, work.steps, int(verlet), int(prepared), REPEATS]
+    sizes = [len(work.position), len(work.triangles), *how]
     return _run("fixed_step.cpp", work, sizes, STEPS)
 
 
@@ -34,8 +36,12 @@ def _run(source: str, work: Work, sizes: list, unit: str) -> Answer:
         return judged(work, float(told[0]), np.fromfile(made).reshape(-1, 3), int(told[1]), unit)
 
 
+EULER, VERLET = ("symplectic_euler", STEPS, 0.1), ("velocity_verlet", STEPS, 1e-3)
 PEERS = [
-    Peer("C++, a ray every step, symplectic Euler", partial(in_steps, False), "symplectic_euler", STEPS, within=0.1),
-    Peer("C++, a ray every step, Verlet", partial(in_steps, True), "velocity_verlet", STEPS, within=1e-3),
+    Peer("C++, a ray every step, symplectic Euler", partial(in_steps, False, False), *EULER),
+    Peer("C++, the same, planes prepared", partial(in_steps, False, True), *EULER),
+    Peer("C++, a ray every step, Verlet", partial(in_steps, True, False), *VERLET),
+    Peer("C++, the same, planes prepared", partial(in_steps, True, True), *VERLET),
     Peer("C++, event-driven, this box only", by_events, "exact", EVENTS, within=1e-12),
+    Peer("C++, event-driven, this box only, 300 s", by_events, "exact", EVENTS, within=1e-11, duration=300.0),
 ]

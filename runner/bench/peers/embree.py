@@ -29,6 +29,6 @@ def solve(work: Work) -> Answer:
 
 
 PEERS = [
-    Peer("Embree f32, rays", solve, "symplectic_euler", "rays/s", within=1e-4, scene=scene)
+    Peer("Embree f32, rays", solve, "symplectic_euler", "rays/s", within=1e-4, scene=scene, duration=1.0)
     for scene in ("heightfield 5,000", "heightfield 80,000")
 ]
