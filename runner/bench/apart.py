@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import Any
 
 from runner.errors import RunError
 
 
-def apart(function: Callable, *arguments: Any) -> Any:
-    """What function(*arguments) returns in a new process, whatever else it prints. Raises RunError when that dies."""
+@contextmanager
+def apart() -> Iterator[Callable]:
+    """Yields call(function, *arguments), which returns what that returns in one new process, whatever else it prints there.
+
+    Raises RunError when the process dies.
+    """
     with ProcessPoolExecutor(1, get_context("spawn"), initializer=_hush) as one:
-        try:
-            return one.submit(function, *arguments).result()
-        except BrokenProcessPool:
-            raise RunError(f"the process of {function.__module__} died") from None
+
+        def call(function: Callable, *arguments: Any) -> Any:
+            try:
+                return one.submit(function, *arguments).result()
+            except BrokenProcessPool:
+                raise RunError(f"the process of {function.__module__} died") from None
+
+        yield call
 
 
 def _hush() -> None:

@@ -108,10 +108,8 @@ def fastest(run: Callable[[], Any], clock: Callable[[], float] = time.process_ti
 def speeds(told: Callable[[str], None]) -> Iterator[Speed]:
     """Every case, each scene in a process of its own; `told` hears of each."""
     for scene in SCENES:
-        for speed in apart(_measure_all, cases(scene)):
-            yield speed
-            told(f"{scene}, {speed.case.method}, {speed.case.contact}: {speed.rate:.3g} {speed.unit}")
-
-
-def _measure_all(wanted: list[Case]) -> list[Speed]:
-    return [measure(case) for case in wanted]
+        with apart() as call:
+            for case in cases(scene):
+                speed = call(measure, case)
+                told(f"{scene}, {case.method}, {case.contact}: {speed.rate:.3g} {speed.unit}")
+                yield speed

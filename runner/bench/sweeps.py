@@ -29,7 +29,8 @@ def costs(told: Callable[[str], None], few: int = FEW, many: int = MANY) -> Iter
 def _costs(few: int, many: int) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        writers = apart(writing, write_experiment(folder / "one.yaml", 1), few)
+        with apart() as call:
+            writers = call(writing, write_experiment(folder / "one.yaml", 1), few)
         yield Figure("a run's two files written bare, in one process, wall clock", 1e3 * writers.wall, "ms")
         yield Figure("a run's two files written bare, in one process, CPU", 1e3 * writers.cpu, "ms")
         spent = {}

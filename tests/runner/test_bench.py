@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import shutil
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 import numpy as np
@@ -27,9 +28,10 @@ PEERS = [
 ]
 
 
-def directly(function, *arguments):
+@contextmanager
+def directly():
     """Stands for `apart`, in this process."""
-    return function(*arguments)
+    yield lambda function, *arguments: function(*arguments)
 
 
 def clocked(start, each, calls):
@@ -96,7 +98,8 @@ def test_a_part_that_is_none(here, carom):
 
 def test_the_cost_of_a_run_is_free_of_what_a_sweep_costs_by_itself(monkeypatch):
     calls = []
-    monkeypatch.setattr(sweeps, "apart", lambda *_: command.Spent(0.004, 0.003, 0))
+    monkeypatch.setattr(sweeps, "apart", directly)
+    monkeypatch.setattr(sweeps, "writing", lambda *_: command.Spent(0.004, 0.003, 0))
     monkeypatch.setattr(sweeps, "carom", clocked(2.0, 0.006, calls))
     figures = {figure.what: figure.value for figure in sweeps.costs(print, 10, 1000)}
     assert figures["a run, 1 worker, wall clock"] == pytest.approx(6.0)
@@ -149,7 +152,8 @@ def test_a_peer_does_the_same_work(name, index):
     if not any(find_spec(needed) or shutil.which(needed) for needed in module.NEEDS):
         pytest.skip(f"{' or '.join(module.NEEDS)} is not installed")
     # two compilers of one kind in a process may not agree
-    found = (apart.apart if name in COMPILERS else directly)(peers.compared, name, index, 10)
+    with (apart.apart if name in COMPILERS else directly)() as call:
+        found = call(peers.compared, name, index, 10)
     assert found.right, f"off by {found.answer.error} m"
     assert found.answer.seconds > 0 and found.answer.count > 0
     if name == "mujoco":  # its walls are springs, so that it is late
@@ -178,20 +182,23 @@ def test_a_peer_that_is_not_installed_is_listed(monkeypatch):
 
 
 def test_a_peer_that_fails_takes_no_other_down(monkeypatch):
-    def failing(function, name, index):
+    def failing(name, index):
         raise RunError("the process\nof it died")
 
-    monkeypatch.setattr(peers, "apart", failing)
+    monkeypatch.setattr(peers, "apart", directly)
+    monkeypatch.setattr(peers, "compared", failing)
     monkeypatch.setattr(peers, "names", lambda: ["cpp"])
     monkeypatch.setattr(shutil, "which", lambda name: name)
     rows = list(peers.compare(print))
-    assert len(rows) == 3 and {row.why for row in rows} == {"RunError: the process of it died"}
+    assert len(rows) == 6 and {row.why for row in rows} == {"RunError: the process of it died"}
 
 
 def test_a_process_apart_that_dies_is_told():
-    assert apart.apart(os.path.basename, "a/b") == "b"
-    with pytest.raises(RunError, match="posix died"):
-        apart.apart(os._exit, 3)
+    with apart.apart() as call:
+        assert call(os.path.basename, "a/b") == "b"
+        assert call(os.getpid) == call(os.getpid) != os.getpid()
+        with pytest.raises(RunError, match="posix died"):
+            call(os._exit, 3)
 
 
 def test_a_wrong_answer_is_told():

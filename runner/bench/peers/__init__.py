@@ -69,7 +69,8 @@ def compare(told: Callable[[str], None]) -> Iterator[Comparison | Missing]:
             continue
         for index, peer in enumerate(module.PEERS):
             try:
-                found = apart(compared, name, index)
+                with apart() as call:
+                    found = call(compared, name, index)
                 told(f"{peer.name}, {peer.scene}: {found.answer.count / found.answer.seconds:.3g} {peer.unit}")
             except Exception as error:  # whatever a library may raise
                 found = Missing(peer.name, " ".join(f"{type(error).__name__}: {error}".split()))
