@@ -195,9 +195,7 @@ def bench(
 
     from runner import bench, tables
 
-    parts = bench.checked(parts)
-    if chart and "scaling" not in parts:
-        raise InputError("--chart: draws what the part scaling measures")
+    parts = bench.checked(parts, json_, chart)
     figures, seconds = bench.run(parts, lambda line: print(line, file=sys.stderr, flush=True))
     tables.show_speeds(figures)
     print(f"measured in {seconds:.0f} s")

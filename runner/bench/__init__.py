@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from runner import machine
@@ -30,11 +31,18 @@ DEFAULT = ("kernels", "sweep", "startup", "peers")
 draw = curves.draw  # the points of scaling
 
 
-def checked(parts: list[str] | None) -> list[str]:
-    """The parts to measure. Raises InputError for one that is none."""
+def checked(parts: list[str] | None, json: Path | None = None, chart: Path | None = None) -> list[str]:
+    """The parts to measure. Raises InputError for one that is none, and for files that could not be written in the end."""
     for part in parts or []:
         if part not in PARTS:
             raise InputError(f"{part}: no part of the bench, which has {', '.join(PARTS)}{suggestion(part, PARTS)}")
+    for option, path in (("--json", json), ("--chart", chart)):
+        if path and not path.parent.is_dir():
+            raise InputError(f"{option} {path}: there is no folder {path.parent}")
+    if chart and chart.suffix not in (".png", ".svg"):
+        raise InputError(f"--chart {chart}: is drawn as .png or .svg")
+    if chart and "scaling" not in (parts or ()):
+        raise InputError("--chart: draws what the part scaling measures")
     return list(parts or DEFAULT)
 
 

@@ -67,7 +67,7 @@ NOTES = [
 
 
 def draw(points: list[Point], path: Path) -> None:
-    """Draw the chart and write it to `path`, PNG or SVG by its suffix."""
+    """Draw the chart and write it to `path`, PNG or SVG by its suffix; of the sweeps there must be two or more."""
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -83,7 +83,7 @@ def draw(points: list[Point], path: Path) -> None:
         notes = ["level: in proportion to the work", "small figures: the time of all", "dotted: reckoned from the slope"]
         _page.finish(figure, "What bends the cost as the work grows", notes, None, {})
         _page.sign(figure, footer())
-        store.write_with(path, partial(figure.savefig, format=path.suffix[1:] or "png"))
+        store.write_with(path, partial(figure.savefig, format=path.suffix[1:]))
 
 
 def _draw_panel(axes: Axes, grows: str, panel: Panel, points: list[Point]) -> None:
@@ -91,20 +91,19 @@ def _draw_panel(axes: Axes, grows: str, panel: Panel, points: list[Point]) -> No
     from runner.chart._style import looks
 
     lines = {what: [point for point in points if point.what == what] for what in WHAT}
-    if len(lines["sweep"]) > 1:
-        lines["sweep"].append(_reckoned(*lines["sweep"][-2:]))
+    reckoned = {"sweep": _reckoned(*lines["sweep"][-2:])} if lines["sweep"] else {}
     axes.set(xlabel=panel.x, ylabel=panel.y)
     axes.set_title(panel.title, loc="left", weight="bold")
     axes.margins(x=0.2, y=0.22)
-    for which, values in (("x", [p.size for line in lines.values() for p in line]), ("y", [p.each / panel.unit for p in points])):
+    for which, values in zip("xy", _places([*points, *reckoned.values()], panel)):
         _axes.set_scale(axes, which, values, "log")
     starts, ends = {}, {}
     for what, style in looks(WHAT).items():
         if line := lines[what]:
-            measured = line[:-1] if what == "sweep" else line
-            axes.plot(*_places(measured, panel), label=what, **style | {"markersize": 3})
-            axes.plot(*_places(line[-2:], panel), color=style["color"], linestyle=":")
-            starts[line[0]], ends[line[-1]] = style["color"], style["color"]
+            axes.plot(*_places(line, panel), label=what, **style | {"markersize": 3})
+            last = reckoned.get(what, line[-1])
+            axes.plot(*_places([line[-1], last], panel), color=style["color"], linestyle=":")
+            starts[line[0]], ends[last] = style["color"], style["color"]
     _write_apart(axes, starts, panel, -4, "right")
     _write_apart(axes, ends, panel, 4, "left")
     for note in NOTES:
@@ -118,7 +117,9 @@ def _places(line: list[Point], panel: Panel) -> tuple[list[float], list[float]]:
     return [point.size for point in line], [point.each / panel.unit for point in line]
 
 
-def _write(axes: Axes, point: Point, panel: Panel, text: str, right: float, up: float, colour: str = "", align: str = "left") -> None:
+def _write(
+    axes: Axes, point: Point, panel: Panel, text: str, right: float, up: float, colour: str = "", align: str = "left"
+) -> None:
     """Write at a point, in its line's colour, or as a note with a stroke to it."""
     from runner.chart._style import GREY
 

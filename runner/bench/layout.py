@@ -28,9 +28,12 @@ def tables(part: str, rows: list) -> Iterator[Table]:
 def _exact(speeds: list[Speed]) -> Table:
     headings = ["scene", "events/s", "ns each", "geometry (s)", "peak memory (MB)"]
     rows = [
-        [each.case.scene, f"{each.rate:.3g}", f"{1e9 / each.rate:.3g}", f"{each.build_seconds:.2g}", f"{each.peak_memory / 1e6:.0f}"]
+        [
+            each.case.scene, f"{each.rate:.3g}", f"{1e9 / each.rate:.3g}", f"{each.build_seconds:.2g}",
+            f"{each.peak_memory / 1e6:.0f}",
+        ]
         for each in speeds
-    ]
+    ]  # fmt: skip
     return "exact, elastic balls, one core", headings, rows
 
 

@@ -41,8 +41,9 @@ def _costs(few: int, many: int) -> Iterator[Figure]:
             yield Figure(f"runs, {workers}", 1 / spent[jobs].wall, "runs/s")
             yield Figure(f"a run, {workers}, wall clock", 1e3 * spent[jobs].wall, "ms")
             yield Figure(f"a run, {workers}, CPU of all processes", 1e3 * spent[jobs].cpu, "ms")
-            yield Figure(f"a run of a worker against its files bare, {workers}, wall clock", jobs * spent[jobs].wall / writers.wall, "")
-            yield Figure(f"a run against its files bare, {workers}, CPU of all processes", spent[jobs].cpu / writers.cpu, "")
+            against = jobs * spent[jobs].wall / writers.wall, spent[jobs].cpu / writers.cpu
+            yield Figure(f"a run of a worker against its files bare, {workers}, wall clock", against[0], "")
+            yield Figure(f"a run against its files bare, {workers}, CPU of all processes", against[1], "")
         yield Figure("efficiency of 2 workers", spent[1].wall / spent[2].wall / 2, "")
         parent = sweeps[1].peak_memory
         yield Figure(f"the parent's peak memory at {many:,} runs", parent / 1e6, "MB")

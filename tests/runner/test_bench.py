@@ -89,8 +89,18 @@ def test_a_table_and_json_of_the_kernels(here, carom, monkeypatch):
 def test_a_part_that_is_none(here, carom):
     code, out, err = carom("bench", "kernel")
     assert (code, out) == (2, "") and "did you mean 'kernels'?" in err and len(err.splitlines()) == 1
-    code, _, err = carom("bench", "kernels", "--chart", "x.png")
-    assert code == 2 and "scaling" in err
+
+
+@pytest.mark.parametrize(
+    "options, told", [
+        (["kernels", "--chart", "x.png"], "draws what the part scaling measures"),
+        (["scaling", "--chart", "x.txt"], "is drawn as .png or .svg"),
+        (["kernels", "--json", "nosuch/x.json"], "there is no folder nosuch"),
+    ],
+)  # fmt: skip
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_measured(here, carom, options, told):
+    code, out, err = carom("bench", *options)
+    assert (code, out) == (2, "") and told in err and len(err.splitlines()) == 1
 
 
 # Sweeps and start-up

@@ -87,6 +87,5 @@ def compared(name: str, index: int, balls: int | None = None) -> Comparison:
     place, _ = solved(same)
     ours = measure(replace(same, balls=balls or CROWD))
     answer = peer.solve(todo)
-    return Comparison(
-        peer.name, peer.scene, answer, peer.unit, todo.bounces, peer.within, peer.versus, ours.rate, rms(place - todo.truth), peak_memory()
-    )
+    theirs = peer.name, peer.scene, answer, peer.unit, todo.bounces, peer.within
+    return Comparison(*theirs, peer.versus, ours.rate, rms(place - todo.truth), peak_memory())

@@ -41,7 +41,7 @@ class Work:
 
     @cached_property
     def planes(self) -> np.ndarray:
-        """(m, 3, 3) each triangle's unit normal, and two vectors (1/m) that give the coordinates u, v >= 0, u + v <= 1 of its points."""
+        """(m, 3, 3) each triangle's unit normal, and two vectors (1/m) for its points' coordinates u, v >= 0, u + v <= 1."""
         a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
         n = np.cross(b - a, c - a)
         square = np.sum(n * n, axis=1, keepdims=True)
@@ -49,7 +49,7 @@ class Work:
 
     @cached_property
     def shifts(self) -> np.ndarray:
-        """(m, 3) their products with a point that a touching ball's centre can be at (m), and with the corner that has u = v = 0."""
+        """(m, 3) their products with where a touching ball's centre can be (m), and with the corner that has u = v = 0."""
         corner = self.vertices[self.triangles[:, 0]]
         return np.einsum("mki,mi->mk", self.planes, corner) + (self.radius, 0, 0)
 

@@ -1,5 +1,6 @@
 // Balls from wall to wall of one box about the origin, in closed form, and of no other scene.
-// events IN OUT BALLS HALF DURATION REPEATS, HALF the room of a ball's centre; prints the CPU seconds of the fastest repeat, the bounces
+// events IN OUT BALLS HALF DURATION REPEATS, where centres turn round at +-HALF along each axis
+// prints the CPU seconds of the fastest repeat, and the bounces
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

@@ -1,5 +1,6 @@
 // Balls in fixed steps, each tested against every triangle in every step: what one writes by hand without a tree or a bound.
-// fixed_step IN OUT BALLS TRIANGLES RADIUS STEP STEPS VERLET PREPARED REPEATS; prints the CPU seconds of the fastest repeat, the bounces
+// fixed_step IN OUT BALLS TRIANGLES RADIUS STEP STEPS VERLET PREPARED REPEATS
+// prints the CPU seconds of the fastest repeat, and the bounces
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

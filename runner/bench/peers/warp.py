@@ -21,7 +21,8 @@ def by_rays(work: Work) -> Answer:
 
     @wp.kernel
     def move(
-        x0: wp.array(dtype=wp.vec3), v0: wp.array(dtype=wp.vec3), planes: wp.array2d(dtype=wp.vec3), shifts: wp.array(dtype=wp.vec3),
+        x0: wp.array(dtype=wp.vec3), v0: wp.array(dtype=wp.vec3),
+        planes: wp.array2d(dtype=wp.vec3), shifts: wp.array(dtype=wp.vec3),
         steps: int, h: float, x1: wp.array(dtype=wp.vec3), bounces: wp.array(dtype=int),
     ):  # fmt: skip
         ball = wp.tid()
