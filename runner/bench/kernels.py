@@ -41,8 +41,8 @@ class Speed:
     seconds: float  # of the processor, in the fastest repeat
     events: int  # impacts
     steps: int  # of all balls, or pieces of flight of the exact solver
-    build_seconds: float  # geometry
-    compile_seconds: float  # of the kernel, or to load it
+    build_seconds: float  # geometry, of the processor
+    compile_seconds: float  # of the kernel, or to load it; the same
     peak_memory: int  # bytes, of the process up to the end of the case
 
     @property
@@ -76,19 +76,19 @@ def simulation(case: Case) -> Simulation:
 
 @lru_cache(maxsize=2)
 def built(scene: str, contact: str, balls: int) -> tuple[Simulation, float]:
-    """A simulation whose geometry others share, and the seconds to build it."""
+    """A simulation whose geometry others share, and the processor's seconds to build it."""
     place, method = SCENES[scene], EXACT if contact == "swept" else integrators.fixed()[0]
-    start = time.perf_counter()
+    start = time.process_time()
     first = Simulation(place.scene(), place.balls(balls), Solver(method, contact=contact), 1.0, 1.0)
-    return first, time.perf_counter() - start
+    return first, time.process_time() - start
 
 
 def measure(case: Case) -> Speed:
     """Raises KeyError for a scene that is none."""
     ready, (_, build_seconds) = simulation(case), built(case.scene, case.contact, case.balls)
-    start = time.perf_counter()
+    start = time.process_time()
     ready.warm()
-    compile_seconds = time.perf_counter() - start
+    compile_seconds = time.process_time() - start
     flight, seconds = fastest(ready.run)
     return Speed(case, seconds, len(flight.bounces), flight.steps, build_seconds, compile_seconds, peak_memory())
 

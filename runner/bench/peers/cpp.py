@@ -13,6 +13,7 @@ from runner.bench.peers._work import REPEATS, Answer, Peer, Work, judged
 
 NEEDS = ("g++", "clang++")
 FLAGS = ("-O3", "-march=native", "-std=c++17")
+TIMEOUT = 120  # s
 
 
 def in_steps(verlet: bool, prepared: bool, work: Work) -> Answer:
@@ -32,7 +33,8 @@ def _run(source: str, work: Work, sizes: list, unit: str) -> Answer:
         program, given, made = (Path(folder) / name for name in ("program", "in", "out"))
         subprocess.run([compiler, *FLAGS, "-o", program, Path(__file__).with_name(source)], check=True)
         given.write_bytes(b"".join(a.tobytes() for a in (work.position, work.velocity, work.vertices[work.triangles])))
-        told = subprocess.run([program, given, made, *map(repr, sizes)], check=True, capture_output=True, text=True).stdout.split()
+        command = [program, given, made, *map(repr, sizes)]
+        told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=TIMEOUT).stdout.split()
         return judged(work, float(told[0]), np.fromfile(made).reshape(-1, 3), int(told[1]), unit)
 
 
