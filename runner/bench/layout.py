@@ -44,7 +44,7 @@ def _stepped(speeds: list[Speed]) -> Table:
     headings = ["method"] + [scene if contact == "swept" else f"{scene}, {contact}" for scene, contact in columns]
     methods = dict.fromkeys(each.case.method for each in speeds)
     rows = [[method, *(rates.get((method, *column), "") for column in columns)] for method in methods]
-    return "Ball-steps/s, steps of 1 ms, elastic balls, swept contact where not told, one core", headings, rows
+    return "Ball-steps/s, steps of 1 ms but for dopri5, elastic balls, swept contact where not told, one core", headings, rows
 
 
 def _figures(part: str, figures: list[Figure]) -> Table:
