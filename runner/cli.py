@@ -193,18 +193,26 @@ def explain(file: File, set_: Overrides = None) -> None:
 
 @app.command()
 def bench(
+    parts: Annotated[
+        Optional[list[str]],
+        typer.Argument(metavar="[PART]...", help="kernels, sweep, startup, peers or scaling. Default: all but scaling."),
+    ] = None,
     json_: Annotated[Optional[Path], typer.Option("--json", metavar="FILE", help="Write the figures there, too.")] = None,
+    chart: Annotated[Optional[Path], typer.Option(metavar="FILE", help="Draw there how the cost grows; needs scaling.")] = None,
 ) -> None:
-    """How fast the simulation is on this machine, on one core."""
+    """How fast this is on this machine, beside other programs that are installed; how the cost grows with the work."""
     import json
 
-    from runner import bench, machine, tables
+    from runner import bench, tables
 
-    found = list(bench.speeds())
-    tables.show_speeds(found)
+    parts = bench.checked(parts, json_, chart)
+    figures, seconds = bench.run(parts, lambda line: print(line, file=sys.stderr, flush=True))
+    tables.show_speeds(figures)
+    print(f"measured in {seconds:.0f} s")
     if json_:
-        figures = {"machine": machine.machine(), "versions": machine.versions(), "speeds": [bench.record(each) for each in found]}
-        json_.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        json_.write_text(json.dumps(bench.document(figures, seconds), indent=1) + "\n", encoding="utf-8")
+    if chart:
+        bench.draw(figures["scaling"], chart)
 
 
 @app.command()

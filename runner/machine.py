@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import resource
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
@@ -55,6 +56,15 @@ def provenance(source: Path, start: str, end: str | None) -> dict[str, Any]:
         "start": start,
         "end": end,
     }
+
+
+def peak_memory() -> int:
+    """Bytes that this process has had in memory at most."""
+    try:
+        with open("/proc/self/status") as lines:
+            return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+    except (OSError, StopIteration):  # not Linux; there, this one counts the parent's, too
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _processor() -> str:

@@ -113,19 +113,14 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def show_speeds(speeds: list) -> None:
-    """Print what `runner.bench` measured."""
+def show_speeds(found: dict[str, list]) -> None:
+    """Print what `runner.bench` measured, a part after the other."""
+    from runner.bench import layout
     from runner.machine import footer
 
-    headings = ["scene", "method", "contact", "rate", "", "ns each", "build (s)", "kernel (s)"]
-    rows = [
-        [
-            each.case.scene, each.case.method, each.case.contact, f"{each.rate:.3g}", each.unit, f"{1e9 / each.rate:.0f}",
-            f"{each.build_seconds:.2f}", f"{each.compile_seconds:.2f}",
-        ]
-        for each in speeds
-    ]  # fmt: skip
-    print_rows("Speed on one core, elastic balls, steps of 1 ms", headings, rows)
+    for part, rows in found.items():
+        for title, headings, lines in layout.tables(part, rows):
+            print_rows(title, headings, lines)
     print(footer())
 
 

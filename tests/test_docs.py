@@ -104,7 +104,7 @@ def imports(name: str) -> set[str]:
     return {module for module in found if module in MODULES} - {name}
 
 
-FOUND_BY_NAME = ("runner.chart.", "runner.record.")
+FOUND_BY_NAME = ("runner.chart.", "runner.record.", "runner.bench.peers.")
 IMPORTS = {name: imports(name) for name in MODULES}
 
 

@@ -1,0 +1,78 @@
+"""What a small run costs in a sweep, beside the bare cost of writing its two files."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from runner import machine, record
+from runner.bench.apart import apart
+from runner.bench.command import Spent, carom, write_experiment
+from runner.bench.figure import Figure
+from runner.config import load
+from runner.execute import run
+
+FEW, MANY = 100, 1000  # runs of two sweeps, whose difference is free of what a sweep costs by itself
+REPEATS = 2
+MANY_RUNS = 10_000  # to which the parent's memory is reckoned
+
+
+def costs(told: Callable[[str], None], few: int = FEW, many: int = MANY) -> Iterator[Figure]:
+    """`told` hears of each figure."""
+    for figure in _costs(few, many):
+        told(str(figure))
+        yield figure
+
+
+def _costs(few: int, many: int) -> Iterator[Figure]:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with apart() as call:
+            writers = call(writing, write_experiment(folder / "one.yaml", 1), few)
+        yield Figure("a run's two files written bare, in one process, wall clock", 1e3 * writers.wall, "ms")
+        yield Figure("a run's two files written bare, in one process, CPU", 1e3 * writers.cpu, "ms")
+        spent = {}
+        for jobs in (1, 2):
+            sweeps = [_fastest(folder, runs, jobs) for runs in (few, many)]
+            spent[jobs] = Spent(*((b - a) / (many - few) for a, b in zip(*sweeps)))
+            workers = f"{jobs} worker{'s' * (jobs > 1)}"
+            yield Figure(f"runs, {workers}", 1 / spent[jobs].wall, "runs/s")
+            yield Figure(f"a run, {workers}, wall clock", 1e3 * spent[jobs].wall, "ms")
+            yield Figure(f"a run, {workers}, CPU of all processes", 1e3 * spent[jobs].cpu, "ms")
+            against = jobs * spent[jobs].wall / writers.wall, spent[jobs].cpu / writers.cpu
+            yield Figure(f"a run of a worker against its files bare, {workers}, wall clock", against[0], "")
+            yield Figure(f"a run against its files bare, {workers}, CPU of all processes", against[1], "")
+        yield Figure("efficiency of 2 workers", spent[1].wall / spent[2].wall / 2, "")
+        parent = sweeps[1].peak_memory
+        yield Figure(f"the parent's peak memory at {many:,} runs", parent / 1e6, "MB")
+        reckoned = parent + (MANY_RUNS - many) * spent[2].peak_memory
+        yield Figure(f"the parent's peak memory at {MANY_RUNS:,} runs, reckoned from its growth", reckoned / 1e6, "MB")
+
+
+def _fastest(folder: Path, runs: int, jobs: int) -> Spent:
+    file = write_experiment(folder / f"{runs}.yaml", runs)
+    command = ["sweep", file, "--jobs", jobs, "--quiet", "--fresh"]
+    return min(carom(*command, cwd=folder, telling=True) for _ in range(REPEATS))
+
+
+def writing(file: Path, count: int) -> Spent:
+    """What it takes to write the two files of the experiment's first run, the mean over `count` times; the least of some means."""
+    result = run(load(file))
+    writers = [record.load(name) for name in result.parameters["record"]["formats"]]
+
+    def write(number: int) -> None:
+        made = file.parent / "written" / str(number)
+        made.mkdir(parents=True)
+        for writer in writers:
+            writer.write(result, made / writer.FILE)
+
+    write(0)
+    means = []
+    for repeat in range(REPEATS + 1):
+        wall, cpu = time.perf_counter(), time.process_time()
+        for number in range(count):
+            write(1 + repeat * count + number)
+        means.append(Spent((time.perf_counter() - wall) / count, (time.process_time() - cpu) / count, machine.peak_memory()))
+    return min(means)
