@@ -176,7 +176,7 @@ def _contents(path: Path) -> str:
         raise InputError(f"{path}: is {'a directory' if stat.S_ISDIR(state.st_mode) else 'not a file'}")
     if state.st_size > LARGEST_FILE:
         raise InputError(f"{path}: larger than {LARGEST_FILE // 1000} kB, not an experiment")
-    return path.read_text(encoding="utf-8")
+    return path.read_text(encoding="utf-8") if state.st_size else ""  # the system's own files have no size, and may not end
 
 
 def _nearby(path: Path) -> str:

@@ -15,3 +15,9 @@ LONGEST_NAME, MOST_NAMES = 100, 300  # characters and names among which to look 
 MOST_LOOKED_AT = 1_000_000  # values, in search of further mistakes: some 1 us each
 
 MOST_PLANNED = 1_000_000  # a plan takes some 5 kB of memory a run
+
+# Reading a mesh takes some 10 times its file in memory; ten million triangles are 500 MB in the plainest format.
+LARGEST_MESH = 500_000_000  # bytes
+SEEN_FIRST = 4096  # bytes that tell whether it is of its format at all, before the rest is read
+LONGEST_HEADER, MOST_PROPERTIES = 20_000, 100  # bytes and properties of a PLY header: each list takes the square of their number
+LONGEST_JSON, MOST_NODES = 20_000_000, 1000  # bytes, and nodes or accessors of a glTF file: chains take the square
