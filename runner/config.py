@@ -114,7 +114,7 @@ def check(document: Document) -> Experiment:
     settings = outline(Setup, document.data)
     matrix, faults = parse(_group(document.data.get("matrix")), settings, document)
     known = [*COLUMNS, *matrix.keys, *(name for name, _ in leaves(settings))]
-    faults += islice(chain(unknown_columns(document, known), _chart_faults(document, known)), MOST_TOLD)
+    faults += islice(chain(unknown_columns(document, known), _chart_faults(document, known)), MOST_TOLD + 1)
     try:
         file = _validate(File, document.data, document)
     except InputError as error:

@@ -71,7 +71,7 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
                 io.BytesIO(FORMATS[_kind(path)](path.read_bytes())), _kind(path), _Nothing(), force="mesh", process=False,
                 skip_materials=True,
             )  # fmt: skip
-        vertices, corners = np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
+        vertices, corners = np.array(mesh.vertices, float).reshape(-1, 3), np.array(mesh.faces, np.int64).reshape(-1, 3)
         del mesh
         gc.collect()  # what it holds, several times the mesh, is in circles of references
     except Exception as error:  # trimesh's readers raise whatever their formats' parsers do
@@ -83,7 +83,7 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
         about_axis[a, b], about_axis[b, a] = -np.sin(angle), np.sin(angle)
         turn = about_axis @ turn
     try:
-        triangles = Triangles(vertices.reshape(-1, 3), corners.reshape(-1, 3))
+        triangles = Triangles(vertices, corners)
         with np.errstate(all="ignore"):  # what is not finite then is told
             placed = scale * triangles.vertices @ turn.T + np.asarray(translate, float)
         # formats without shared vertices give each triangle three of its own
