@@ -1,6 +1,7 @@
 """A long fuzz: `python -m tests.fuzz TARGET --seconds 600 [--seed 1]`, or with coverage as its guide `--atheris` (extra `fuzz`).
 
 Ends at the first input that does what it must not, which it keeps in found-TARGET; else tells how many it tried.
+atheris keeps what leads to new code in learnt-TARGET/, and goes on from there.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ def main() -> None:
     else:
         from tests.fuzz.targets import TARGETS
     keep, corpus = Path(f"found-{options.target}").resolve(), mutation.seeds(options.target)
-    tried = watched(TARGETS[options.target], keep)
+    tried, learnt = watched(TARGETS[options.target], keep), Path(f"learnt-{options.target}").resolve()
+    if options.atheris:
+        learnt.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         warnings.simplefilter("error")
         if options.atheris:
-            start = Path(folder).with_name(Path(folder).name + "-corpus")
-            start.mkdir()
             for number, data in enumerate(corpus):
-                (start / str(number)).write_bytes(data)
+                (learnt / str(number)).write_bytes(data)
             arguments = [sys.argv[0], f"-max_total_time={options.seconds:.0f}", f"-seed={options.seed + 1}", "-rss_limit_mb=2000"]
-            atheris.Setup([*arguments, "-print_final_stats=1", "-verbosity=1", str(start)], tried)
+            atheris.Setup([*arguments, "-print_final_stats=1", "-verbosity=1", str(learnt)], tried)
             atheris.Fuzz()
             return
         random, count, end = Random(options.seed), 0, time.monotonic() + options.seconds
