@@ -104,6 +104,7 @@ def publish(made: Path, final: Path, replace: bool) -> None:
 def provenance(folder: Path) -> dict[str, Any]:
     """What is known of the last sweep into the folder; empty when nothing is."""
     try:
-        return json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
-    except (FileNotFoundError, json.JSONDecodeError):
+        found = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, RecursionError):
         return {}
+    return found if isinstance(found, dict) else {}

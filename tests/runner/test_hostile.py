@@ -8,6 +8,7 @@ import bz2
 import io
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -15,6 +16,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+
+import runner
 
 from tests.conftest import FALL
 
@@ -229,3 +232,33 @@ def test_all_of_them_take_little_memory(here):
     done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) < 500
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """The output of a sweep of one run."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "fall.yaml").write_text(FALL.replace("[hdf5]", "[]"))
+    runner.sweep(folder / "fall.yaml", out=folder, jobs=1)
+    return folder / "fall"
+
+
+DOCTORED = {
+    "a list": ("provenance.json", b"[]", None),
+    "a source that is none": ("provenance.json", b'{"source": 3}', None),
+    "brackets": ("provenance.json", b"[" * 100_000, None),
+    "a bomb": ("experiment.yaml", b"a: &a [1]\nb: &b [*a, *b]\n", "experiment.yaml:2:12: stands in itself"),
+    "not the experiment": ("experiment.yaml", b"\xff\xfe", "experiment.yaml: not a text file in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("what", DOCTORED)
+def test_a_doctored_output_is_refused_in_a_line(here, carom, swept, what):
+    name, content, words = DOCTORED[what]
+    shutil.copytree(swept, "out")
+    Path("out", name).write_bytes(content)
+    code, out, err = carom("summary", "out")
+    if words:
+        assert (code, out, err.count("\n")) == (2, "", 1) and words in err
+    else:  # what is lost is not needed here
+        assert (code, err) == (0, "")
