@@ -53,11 +53,17 @@ class Document:
 
     def text(self) -> str:
         """The file, comments and all, with the overrides applied."""
-        return yamltext.write(self.tree)
+        if not self._origins:
+            return self._text
+        try:
+            return yamltext.write(self.tree)
+        except ValueError:  # ruamel cannot write each number as it was spelt, -0e-7 for one
+            return yamltext.write(self.data)
 
     def _parse(self) -> Any:
         try:
-            return yamltext.read(_contents(self.path))
+            self._text = _contents(self.path)
+            return yamltext.read(self._text)
         except FileNotFoundError:
             raise InputError(f"{self.path}: no such file{_nearby(self.path)}") from None
         except UnicodeDecodeError:
