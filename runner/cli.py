@@ -30,10 +30,10 @@ def main() -> None:
     """The `carom` command: expected failures are a line each and an exit code, never a traceback."""
     try:
         app()
-    except (InputError, RunError, OSError) as error:
+    except (InputError, RunError, OSError, MemoryError) as error:
         if "--debug" in sys.argv:
             raise
-        print(error, file=sys.stderr)
+        print("not enough memory" if isinstance(error, MemoryError) else error, file=sys.stderr)
         sys.exit(2 if isinstance(error, InputError) else 1)
 
 

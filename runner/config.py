@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +20,7 @@ from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault, InputError
 from runner.expect import unknown_columns
 from runner.faults import explain, outline
+from runner.limits import MOST_LOOKED_AT, MOST_PLANNED, MOST_TOLD
 from runner.matrix import Matrix, Values, parse
 from runner.schema import Expectation, File, Setup
 from runner.settings import canonical, leaves, with_value
@@ -69,7 +70,10 @@ class Experiment:
         return list(dict.fromkeys(self.matrix.keys + [name for name in read if name not in COLUMNS]))
 
     def runs(self) -> list[Run]:
-        """Every run of the matrix, equal ones once. Raises InputError with all that is wrong with any of them."""
+        """Every run of the matrix, equal ones once. Raises InputError with all that is wrong with any of them, or for too many."""
+        if self.matrix.size > MOST_PLANNED:
+            reason = f"makes {self.matrix.size:,} runs; one experiment may have {MOST_PLANNED:,}"
+            raise InputError(Fault(self.document.place(("matrix",)), "matrix", reason))
         runs, faults = {}, {}
         for values in self.matrix.combinations(self.base.parameters):
             try:
@@ -77,6 +81,8 @@ class Experiment:
                 runs.setdefault(run.run_id, run)
             except InputError as error:
                 faults.update(dict.fromkeys(error.faults))
+                if len(faults) > MOST_TOLD:
+                    break
         if not (faults or runs):
             faults[Fault(self.document.place(("matrix", "exclude")), "matrix.exclude", "drops every run")] = None
         if faults:
@@ -113,7 +119,7 @@ def check(document: Document) -> Experiment:
     settings = outline(Setup, document.data)
     matrix, faults = parse(_group(document.data.get("matrix")), settings, document)
     known = [*COLUMNS, *matrix.keys, *(name for name, _ in leaves(settings))]
-    faults += unknown_columns(document, known) + _chart_faults(document, known)
+    faults += islice(chain(unknown_columns(document, known), _chart_faults(document, known)), MOST_TOLD + 1)
     try:
         file = _validate(File, document.data, document)
     except InputError as error:
@@ -180,19 +186,21 @@ def _json(data: Any) -> str:
 
 
 def _value_faults(document: Document, matrix: Matrix) -> list[Fault]:
-    """What is wrong with the file's own run, and with the values of the matrix, each alone in it."""
-    faults: list[Fault] = []
-    for values in ({}, *chain(*matrix.axes), *matrix.include):
+    """What is wrong with the file's own run, and with the values of the matrix, each alone in it; with the first, if many."""
+    faults: dict[Fault, None] = {}
+    for values in islice(chain([{}], *matrix.axes, matrix.include), 1 + MOST_LOOKED_AT // document.size):
         try:
             _run(document, values)
         except InputError as error:
-            faults += error.faults
-    return faults
+            faults.update(dict.fromkeys(error.faults))
+            if len(faults) > MOST_TOLD:
+                break
+    return list(faults)
 
 
-def _chart_faults(document: Document, known: Collection[str]) -> list[Fault]:
+def _chart_faults(document: Document, known: Collection[str]) -> Iterator[Fault]:
     """What is wrong with the charts' options, and columns they name that no run has."""
-    faults, charts = [], document.data.get("charts")
+    charts = document.data.get("charts")
     for index, options in enumerate(charts if isinstance(charts, list) else []):
         if not isinstance(options, dict):
             continue  # told elsewhere
@@ -204,8 +212,7 @@ def _chart_faults(document: Document, known: Collection[str]) -> list[Fault]:
             wrong = {option: reason}
         for option, reason in wrong.items():
             path = ("charts", index, option)
-            faults.append(Fault(document.place(path), dotted(path), reason))
-    return faults
+            yield Fault(document.place(path), dotted(path), reason)
 
 
 def _group(data: Any) -> dict:

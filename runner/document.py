@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import difflib
+import re
+import stat
 import sys
 from collections.abc import Iterable
 from copy import deepcopy
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from runner import yamltext
 from runner.errors import Fault, InputError
+from runner.limits import DEEPEST, LARGEST_FILE, LONGEST_NAME, MOST_NAMES
 
 Path_ = tuple[str | int, ...]
 
-MOST_NODES = 1_000_000  # of a file with all aliases written out
-DEEPEST = 50
-LARGEST = 10_000_000  # bytes
-
 SPELLINGS = {"centre": "center"}  # keys that may be spelt both ways
+INDEX = re.compile("[0-9]{1,9}")
 
 
 class Document:
@@ -34,7 +35,7 @@ class Document:
         self.folder = folder or path.parent  # that file names in it are relative to
         self._places: dict[Path_, tuple[int, int]] = {}
         self._origins: dict[Path_, str] = {}
-        self._nodes = 0
+        self.size = 0  # how many parts it has
         self.tree = self._parse()
         self.data = self._plain(self.tree, ())
         if not isinstance(self.data, dict):
@@ -52,17 +53,17 @@ class Document:
 
     def text(self) -> str:
         """The file, comments and all, with the overrides applied."""
-        from io import StringIO
-
-        out = StringIO()
-        _yaml().dump(self.tree, out)
-        return out.getvalue()
+        if not self._origins:
+            return self._text
+        try:
+            return yamltext.write(self.tree)
+        except ValueError:  # ruamel cannot write each number as it was spelt, -0e-7 for one
+            return yamltext.write(self.data)
 
     def _parse(self) -> Any:
         try:
-            if self.path.stat().st_size > LARGEST:
-                raise InputError(f"{self.path}: larger than {LARGEST // 1_000_000} MB, not an experiment")
-            return _read(self.path.read_text(encoding="utf-8"))
+            self._text = _contents(self.path)
+            return yamltext.read(self._text)
         except FileNotFoundError:
             raise InputError(f"{self.path}: no such file{_nearby(self.path)}") from None
         except UnicodeDecodeError:
@@ -76,16 +77,12 @@ class Document:
             raise InputError(Fault(place, "", " ".join(problem.split()))) from None
         except YAMLError as error:
             raise InputError(Fault(str(self.path), "", " ".join(str(error).split()))) from None
-        except (RecursionError, ValueError) as error:
-            reason = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-            raise InputError(Fault(str(self.path), "", reason)) from None
 
     def _plain(self, node: Any, path: Path_) -> Any:
         """`node` without YAML's own types; notes the place of each part on the way."""
-        self._nodes += 1
-        if self._nodes > MOST_NODES or len(path) > DEEPEST:
-            what = "nested too deeply" if len(path) > DEEPEST else f"more than {MOST_NODES:,} values with its aliases"
-            raise InputError(Fault(self.place(path), "", what))
+        self.size += 1
+        if len(path) > DEEPEST:  # by an override: the file's own depth is looked at as it is read
+            raise InputError(Fault(self.place(path), "", "nested too deeply"))
         if isinstance(node, dict):
             out = {}
             for key, value in node.items():
@@ -119,6 +116,8 @@ class Document:
 
     def override(self, path: Path_, value: Any, origin: str) -> None:
         """Put `value` at `path`, in the data and in the file's text; mistakes in it are told as at `origin`."""
+        if len(path) > DEEPEST:
+            raise InputError(Fault(origin, "", "nested too deeply"))
         node, plain = self.tree, self.data
         for depth, key in enumerate(path[:-1]):
             if isinstance(plain, dict) and plain.get(key) is None:
@@ -152,7 +151,7 @@ def _spelt(node: Any, key: str | int) -> str | int:
 
 def split(name: str) -> Path_:
     """A dotted path as a tuple; numbers count the items of a list."""
-    return tuple(int(part) if part.isdigit() else SPELLINGS.get(part, part) for part in name.split("."))
+    return tuple(int(part) if INDEX.fullmatch(part) else SPELLINGS.get(part, part) for part in name.split("."))
 
 
 def dotted(path: Iterable[str | int]) -> str:
@@ -162,8 +161,8 @@ def dotted(path: Iterable[str | int]) -> str:
 def read_values(text: str, origin: str) -> list[Any]:
     """The YAML values in a piece of text with commas between, as in `-s balls.mass=1,1e1`. Raises InputError told at `origin`."""
     try:
-        values = _read(f"[{text}]")
-    except (YAMLError, RecursionError, ValueError):
+        values = yamltext.read(f"[{text}]")
+    except YAMLError:
         raise InputError(Fault(origin, "", "not a value in YAML")) from None
     if not values:
         raise InputError(Fault(origin, "", "has no value"))
@@ -172,24 +171,18 @@ def read_values(text: str, origin: str) -> list[Any]:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """` (did you mean 'x'?)` for the known word nearest to `word`, else nothing."""
-    near = difflib.get_close_matches(str(word), [str(k) for k in known], 1)
+    near = difflib.get_close_matches(str(word)[:LONGEST_NAME], [str(k)[:LONGEST_NAME] for k in islice(known, MOST_NAMES)], 1)
     return f" (did you mean '{near[0]}'?)" if near else ""
 
 
-def _read(text: str) -> Any:
-    """The YAML of `text`; MarkedYAMLError at the first tag in it, so that none is ever looked at."""
-    for event in _yaml().parse(text) if "!" in text else ():
-        if getattr(event, "tag", None):
-            tag = str(event.tag).replace("tag:yaml.org,2002:", "!!")
-            raise MarkedYAMLError(problem=f"the tag {tag} has no meaning here", problem_mark=event.start_mark)
-    return _yaml().load(text)
-
-
-def _yaml() -> YAML:
-    yaml = YAML(typ="rt", pure=True)
-    yaml.allow_duplicate_keys = False
-    yaml.width = 1000
-    return yaml
+def _contents(path: Path) -> str:
+    """The text of the file. Raises InputError when it is no file, or too large: a pipe or a device may never end."""
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(f"{path}: is {'a directory' if stat.S_ISDIR(state.st_mode) else 'not a file'}")
+    if state.st_size > LARGEST_FILE:
+        raise InputError(f"{path}: larger than {LARGEST_FILE // 1000} kB, not an experiment")
+    return path.read_text(encoding="utf-8") if state.st_size else ""  # the system's own files have no size, and may not end
 
 
 def _nearby(path: Path) -> str:

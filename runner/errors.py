@@ -6,6 +6,8 @@ import shlex
 from pathlib import Path
 from typing import NamedTuple
 
+from runner.limits import LONGEST_LINE, MOST_TOLD
+
 
 class Fault(NamedTuple):
     """One mistake in an experiment file: where it is, the path of the setting, what is wrong with it."""
@@ -15,7 +17,13 @@ class Fault(NamedTuple):
     reason: str
 
     def __str__(self) -> str:
-        return ": ".join(part for part in self if part)
+        return one_line(": ".join(part for part in self if part))
+
+
+def one_line(text: str) -> str:
+    """`text` as a line of bearable length, on which nothing but what can be seen stands."""
+    text = text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def _position(fault: Fault | str) -> tuple:
@@ -29,7 +37,8 @@ class InputError(Exception):
 
     def __init__(self, *faults: Fault | str):
         self.faults = sorted(faults, key=_position)
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+        more = ["... and more mistakes"] if len(faults) > MOST_TOLD else []
+        super().__init__("\n".join([str(fault) for fault in self.faults[:MOST_TOLD]] + more))
 
 
 class RunError(Exception):

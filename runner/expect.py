@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from runner.document import Document, dotted, suggestion
@@ -77,9 +77,9 @@ def satisfies(value: Any, expectation: Expectation) -> bool:
     return low <= value <= high
 
 
-def unknown_columns(document: Document, known: Collection[str]) -> list[Fault]:
+def unknown_columns(document: Document, known: Collection[str]) -> Iterator[Fault]:
     """A fault for each column that an expectation of the document speaks of and no run has."""
-    faults, expectations = [], document.data.get("expect")
+    expectations = document.data.get("expect")
     for index, each in enumerate(expectations if isinstance(expectations, list) else []):
         each = each if isinstance(each, dict) else {}
         where = each.get("where") if isinstance(each.get("where"), dict) else {}
@@ -87,5 +87,4 @@ def unknown_columns(document: Document, known: Collection[str]) -> list[Fault]:
             if isinstance(name, str) and name not in known:
                 place = ("expect", index, *path)
                 reason = f"no run has '{name}'{suggestion(name, known)}"
-                faults.append(Fault(document.place(place), dotted(place), reason))
-    return faults
+                yield Fault(document.place(place), dotted(place), reason)

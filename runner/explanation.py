@@ -13,7 +13,7 @@ from sim.geometry import Features
 from sim.model import Balls
 from sim.reduction import Reduction, features
 from sim.shapes import Triangles
-from sim.simulate import EXACT, Scene, frame_times
+from sim.simulate import EXACT, Scene, frame_count
 
 
 def explain(experiment: Experiment) -> Iterator[str]:
@@ -35,8 +35,8 @@ def explain(experiment: Experiment) -> Iterator[str]:
     start, end = balls.released[0], balls.released[-1]
     yield f"balls: {len(balls)}, released from {start:g} to {end:g} s, each living {balls.lifetime:g} s"
     yield from (f"refused: {fault}" for fault in starts.faults([experiment.base], experiment.document))
-    frames = len(frame_times(setup.duration, setup.record.every))
-    yield f"solver: {_solver(setup.solver)}; {setup.duration:g} s in {frames} recorded frames"
+    frames = frame_count(setup.duration, setup.record.every)
+    yield f"solver: {_solver(setup.solver)}; {setup.duration:g} s in {frames:.0f} recorded frames"
     if setup.reference:
         yield "reference: solved exactly besides, for the columns position_error_rms and position_error_max"
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault
+from runner.limits import MOST_TOLD
 
 TYPES = {
     "int": "a whole number", "float": "a number", "string": "a text", "bool": "true or false",
@@ -27,10 +28,10 @@ def explain(
 ) -> list[Fault]:
     """A fault for each thing wrong with `data`, checked as `model`.
 
-    `origins` tells of settings that stand elsewhere in the document, as the matrix's do: path of the setting -> path there.
+    Of very many the first are enough. `origins` tells of settings that stand elsewhere in the document, as the matrix's do: path of the setting -> path there.
     """
     faults = []
-    for each in error.errors(include_url=False):
+    for each in error.errors(include_url=False)[: MOST_TOLD + 1]:
         path = _path(each["loc"], data, absent=each["type"] in ("missing", "extra_forbidden"))
         if "field" in each.get("ctx", {}):
             path += split(each["ctx"]["field"])

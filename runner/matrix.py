@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from runner.document import Document, Path_, dotted, split, suggestion
-from runner.errors import Fault
+from runner.errors import Fault, InputError
+from runner.limits import MOST_TOLD
 from runner.settings import canonical, leaves, value_at
 
 
@@ -58,12 +59,17 @@ def _matches(pattern: dict[str, Any], values: Values, parameters: dict[str, Any]
 
 
 def parse(raw: dict[str, Any], settings: dict[str, Any], document: Document) -> tuple[Matrix, list[Fault]]:
-    """The matrix of the document, as far as it makes sense, and its mistakes. What is not in `settings` cannot vary."""
+    """The matrix of the document, as far as it makes sense, and its mistakes. What is not in `settings` cannot vary.
+
+    Raises InputError when the mistakes are very many.
+    """
     faults: list[Fault] = []
     varied: set[str] = set()
 
     def fault(path: Path_, reason: str) -> None:
         faults.append(Fault(document.place(path), dotted(path), reason))
+        if len(faults) > MOST_TOLD:
+            raise InputError(*faults)
 
     def known(key: Any, path: Path_) -> bool:
         try:

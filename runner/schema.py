@@ -29,7 +29,7 @@ from sim.forces import FIELDS
 from sim.model import Balls, Invalid, Positive, Vector
 from sim.release import Emitter, Listed, Scatter, Start
 from sim.shapes import SHAPES
-from sim.simulate import METHODS, Scene, Solver
+from sim.simulate import METHODS, Scene, Solver, check_records
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$", max_length=64)]
 
@@ -50,12 +50,12 @@ class Built(Model):
         """The dataclass with these values; file names in it are relative to `folder`. `model_of` puts each model's own here."""
 
 
-def attempt(build) -> Any:
-    """What `build()` returns, an Invalid told pydantic's way with the field it names."""
+def attempt(build, group: str = "") -> Any:
+    """What `build()` returns, an Invalid told pydantic's way with the field it names, which stands in `group`."""
     try:
         return build()
     except Invalid as error:
-        raise PydanticCustomError("invalid", "{reason}", {"reason": error.reason, "field": error.field}) from None
+        raise PydanticCustomError("invalid", "{reason}", {"reason": error.reason, "field": group + error.field}) from None
 
 
 def folder(info: ValidationInfo) -> Path:
@@ -154,9 +154,11 @@ class BallsModel(Model):
             raise PydanticCustomError("invalid", "{reason}", {"reason": reason})
         return self
 
+    def source(self, folder: Path) -> Emitter | Scatter | Listed:
+        return built(self.emitter or self.scatter, folder) or Listed(built(self.released, folder))
+
     def build(self, duration: float, folder: Path) -> Balls:
-        source = built(self.emitter or self.scatter, folder) or Listed(built(self.released, folder))
-        return Balls(self.mass, self.radius, self.lifetime, *source.release(duration))
+        return Balls(self.mass, self.radius, self.lifetime, *self.source(folder).release(duration))
 
 
 class RecordModel(Model):
@@ -184,10 +186,13 @@ class Setup(Model):
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
 
     @model_validator(mode="after")
-    def _fits(self):
+    def _fits(self, info: ValidationInfo):
         if self.balls.mass > self.scene.wall_mass:
             reason = f"must be <= scene.wall_mass = {self.scene.wall_mass:g}"
             raise PydanticCustomError("invalid", "{reason}", {"reason": reason, "field": "balls.mass"})
+        count = attempt(partial(self.balls.source(folder(info)).number, self.duration), "balls.emitter.")
+        attempt(partial(check_records, count, self.duration, self.record.every), "record.")
+        attempt(partial(self.solver.build(folder(info)).check_steps, self.duration), "solver.")
         return self
 
 

@@ -219,6 +219,7 @@ def discard(entry: Path) -> None:
 def provenance(folder: Path) -> dict[str, Any]:
     """What is known of the last sweep into the folder; empty when nothing is."""
     try:
-        return json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        found = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, RecursionError):
         return {}
+    return found if isinstance(found, dict) else {}

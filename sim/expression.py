@@ -7,6 +7,8 @@ import operator
 
 import numpy as np
 
+from sim.limits import LONGEST_EXPRESSION
+
 FUNCTIONS = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
     "min": np.minimum, "max": np.maximum,
@@ -17,7 +19,6 @@ OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: operator.pow,
     ast.UAdd: operator.pos, ast.USub: operator.neg,
 }  # fmt: skip
-LONGEST = 1000  # characters
 
 
 def evaluate(text: str, **variables: np.ndarray) -> np.ndarray:
@@ -25,8 +26,8 @@ def evaluate(text: str, **variables: np.ndarray) -> np.ndarray:
 
     Raises ValueError with one line that says what the grammar does not know.
     """
-    if len(text) > LONGEST:
-        raise ValueError(f"an expression may have at most {LONGEST} characters")
+    if len(text) > LONGEST_EXPRESSION:
+        raise ValueError(f"an expression may have at most {LONGEST_EXPRESSION} characters")
     try:
         tree = ast.parse(text.strip(), mode="eval")
         with np.errstate(all="ignore"):

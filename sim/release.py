@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
+from sim.limits import MOST_BALLS
 from sim.model import Invalid, NonNegative, Positive, Vector, check, unit
 
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
@@ -49,17 +50,21 @@ class Emitter:
     spread: Annotated[float, Ge(0), Le(360)] = 0.0  # degrees
     rate: Positive = 5.0  # balls/s
     seed: Seed = 0
-    count: Annotated[int, Ge(1)] | None = None  # at most so many; as many as the duration lets out when absent
+    count: Annotated[int, Ge(1), Le(MOST_BALLS)] | None = None  # at most so many; as many as the duration lets out when absent
 
     def __post_init__(self) -> None:
         check(self)
         unit("direction", self.direction)
 
+    def number(self, duration: float) -> int:
+        """How many balls it may let out. Raises Invalid for too many."""
+        most = min(duration * self.rate + 2, np.inf if self.count is None else self.count)
+        if most > MOST_BALLS:
+            raise Invalid("rate", f"lets out {most:.3g} balls; there may be {MOST_BALLS:,}")
+        return int(most)
+
     def release(self, duration: float) -> Released:
-        count = int(np.ceil(duration * self.rate)) + 1
-        if self.count is not None:
-            count = min(count, self.count)
-        time = np.arange(count) / self.rate
+        time = np.arange(self.number(duration)) / self.rate
         time = time[time < duration]
         u = draws(self.seed, len(time))
         cosine = 1 - u[:, 0] * (1 - np.cos(np.radians(self.spread) / 2))
@@ -83,6 +88,9 @@ class Listed:
 
     released: Annotated[list[Start], MinLen(1)]
 
+    def number(self, duration: float) -> int:
+        return len(self.released)
+
     def release(self, duration: float) -> Released:
         position = np.array([ball.position for ball in self.released], float)
         velocity = np.array([ball.velocity for ball in self.released], float)
@@ -93,7 +101,7 @@ class Listed:
 class Scatter:
     """`count` balls at time 0, evenly in a box, in every direction alike, speeds uniform up to `max_speed`."""
 
-    count: Annotated[int, Ge(1)]
+    count: Annotated[int, Ge(1), Le(MOST_BALLS)]
     box: tuple[Vector, Vector]  # m, two opposite corners
     max_speed: NonNegative = 0.0  # m/s
     seed: Seed = 0
@@ -102,6 +110,9 @@ class Scatter:
         check(self)
         if np.any(np.array(self.box[0]) > np.array(self.box[1])):
             raise Invalid("box", "the first corner must not lie beyond the second")
+
+    def number(self, duration: float) -> int:
+        return self.count
 
     def release(self, duration: float) -> Released:
         low, high = np.array(self.box, float)

@@ -13,10 +13,10 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.expression import evaluate
+from sim.limits import MOST_CELLS, MOST_TRIANGLES
 from sim.model import Invalid, Mesh, Positive, Vector, check, unit
 
 SHOWN = 10.0  # m, side of the patch drawn of an infinite plane
-MOST_CELLS = 4096
 
 Cells = Annotated[int, Ge(1), Le(MOST_CELLS)]
 
@@ -129,6 +129,8 @@ class Heightfield:
 
     def __post_init__(self) -> None:
         check(self)
+        if 2 * self.cells[0] * self.cells[1] > MOST_TRIANGLES:
+            raise Invalid("cells", f"make {2 * self.cells[0] * self.cells[1]:,} triangles; there may be {MOST_TRIANGLES:,}")
         try:
             finite = np.isfinite(self.mesh().vertices).all()
         except ValueError as error:
@@ -161,6 +163,8 @@ class Triangles:
     def __post_init__(self) -> None:
         if len(self.corners) == 0:
             raise Invalid("mesh", "has no triangles")
+        if len(self.corners) > MOST_TRIANGLES:
+            raise Invalid("mesh", f"has {len(self.corners):,} triangles; there may be {MOST_TRIANGLES:,}")
         if self.corners.min() < 0 or self.corners.max() >= len(self.vertices):
             raise Invalid("mesh", f"a triangle has a corner that is none of the {len(self.vertices)} vertices")
         if not np.isfinite(self.vertices).all():

@@ -10,6 +10,7 @@ import numpy as np
 
 from sim import engines, forces, impact, inside, integrators, log, reduction
 from sim.energy import ledger, total_energy
+from sim.limits import MOST_RECORDED, MOST_STEPS
 from sim.model import BOUNCE, REST, Balls, Body, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
 from sim.packed import Packed, pack
 
@@ -55,6 +56,11 @@ class Solver:
         """Whether the method goes by `step`."""
         return self.method != EXACT and not self.adaptive
 
+    def check_steps(self, duration: float) -> None:
+        """Raises Invalid where there would be too many."""
+        if self.stepping and not duration / self.step <= MOST_STEPS:
+            raise Invalid("step", f"makes {duration / self.step:.3g} steps; there may be {MOST_STEPS:,}")
+
 
 @dataclass(frozen=True)
 class Flight:
@@ -83,13 +89,22 @@ class Flight:
         return events(self.log.rows(), REST, self.end)
 
 
+def frame_count(duration: float, every: float) -> float:
+    """How many times are recorded; infinity where they cannot be counted."""
+    n = float(np.floor(duration / every * (1 + 1e-12)))
+    return n + 1 + (duration - n * every > 1e-9 * every)
+
+
+def check_records(balls: int, duration: float, every: float) -> None:
+    """Raises Invalid where there would be too many."""
+    records = balls * frame_count(duration, every)
+    if not records <= MOST_RECORDED:
+        raise Invalid("every", f"makes {records:.3g} records, of each ball in each frame; there may be {MOST_RECORDED:,}")
+
+
 def frame_times(duration: float, every: float) -> np.ndarray:
     """The recorded times in s: every multiple of `every` up to `duration`, and `duration` itself."""
-    n = int(np.floor(duration / every * (1 + 1e-12)))
-    times = np.arange(n + 1) * every
-    times[-1] = min(times[-1], duration)
-    if duration - times[-1] > 1e-9 * every:
-        return np.append(times, duration)
+    times = np.arange(int(frame_count(duration, every))) * every
     times[-1] = duration
     return times
 
@@ -107,6 +122,8 @@ class Simulation:
             raise Invalid("balls", "none is released within the duration")
         if balls.mass > scene.wall_mass:
             raise Invalid("mass", f"must be <= wall_mass = {scene.wall_mass:g}")
+        check_records(len(balls), duration, every)
+        solver.check_steps(duration)
         self.scene, self.balls, self.solver = scene, balls, solver
         self.time = frame_times(duration, every)
         self.fields = list(scene.forces.values())

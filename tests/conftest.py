@@ -1,6 +1,7 @@
 """Fixtures shared by the tests."""
 
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -109,12 +110,16 @@ def copied(here, outputs, inline):
 
 @pytest.fixture(scope="session")
 def carom_process():
-    """The command line in a process of its own: `carom_process("check", "x.yaml", cwd=...)` -> Outcome."""
+    """The command line in a process of its own: `carom_process("check", "x.yaml", cwd=...)` -> Outcome.
 
-    def call(*arguments, cwd, **environment) -> Outcome:
+    It, and each process that it starts, has `memory` bytes of addresses, where that is given.
+    """
+
+    def call(*arguments, cwd, memory=None, **environment) -> Outcome:
         done = subprocess.run(
             [sys.executable, "-m", "runner", *map(str, arguments)],
             cwd=cwd, env=os.environ | environment, capture_output=True, text=True, timeout=300,
+            preexec_fn=memory and (lambda: resource.setrlimit(resource.RLIMIT_AS, (memory, memory))),
         )  # fmt: skip
         return Outcome(done.returncode, done.stdout, done.stderr)
 

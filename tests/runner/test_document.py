@@ -94,6 +94,16 @@ def test_what_an_override_brought_in_is_told_as_the_option(document):
     assert document.place(("balls", "list")) == "x.yaml:2:21"
 
 
+def test_without_an_override_the_text_is_the_file(here):
+    text = "a:   -0e-7   # a number that ruamel does not write\n"
+    Path("x.yaml").write_text(text)
+    document = Document(Path("x.yaml"))
+    assert document.text() == text
+    document.override(("b",), 1, "")
+    Path("y.yaml").write_text(document.text())
+    assert Document(Path("y.yaml")).data == {"a": 0.0, "b": 1}
+
+
 def test_the_text_holds_what_it_says_it_holds(document):
     assert YAML(typ="safe").load(document.text())["balls"] == document.data["balls"]
 

@@ -254,9 +254,12 @@ def test_a_run_that_fails_is_told_and_the_others_finish(with_mesh, inline, carom
     assert aggregate.read(work.folder)["status"].to_pylist() == ["finished", "finished"]
 
 
+MEMORY, TOO_OFTEN = 8_000_000_000, 3e-10  # bytes, and s between frames that take 16 GB for the positions alone
+
+
 def test_a_run_larger_than_the_memory_fails_alone(here, carom_process, fall):
     Path("x.yaml").write_text(fall)
-    code, _, err = carom_process("sweep", "x.yaml", "-s", "record.every=1e-15,0.01", "--quiet", cwd=here)
+    code, _, err = carom_process("sweep", "x.yaml", "-s", f"record.every={TOO_OFTEN},0.01", "--quiet", cwd=here, memory=MEMORY)
     assert code == 1 and "Traceback" not in err and "failed: MemoryError: Unable to allocate" in err.splitlines()[-1]
     reports = store.read_runs(here / "outputs" / "x")
     assert sorted(report["status"] for report in reports) == ["failed", "finished"]
@@ -271,8 +274,8 @@ def test_a_log_names_what_is_compiled(here, carom, inline, fall):
 def test_fail_fast_stops_at_the_first_failure(here, carom_process, fall):
     Path("x.yaml").write_text(fall)
     masses = ",".join(str(mass) for mass in range(1, 101))
-    options = ["-s", "record.every=1e-15,0.01", "-s", f"balls.mass={masses}", "--jobs", "1", "--fail-fast"]
-    code, _, err = carom_process("sweep", "x.yaml", *options, cwd=here)
+    options = ["-s", f"record.every={TOO_OFTEN},0.01", "-s", f"balls.mass={masses}", "--jobs", "1", "--fail-fast"]
+    code, _, err = carom_process("sweep", "x.yaml", *options, cwd=here, memory=MEMORY)
     made = list(store.read_runs(here / "outputs" / "x"))
     assert code == 1 and "200 to do" in err
     assert 1 <= len(made) < 50 and {report["status"] for report in made} == {"failed"}

@@ -1,0 +1,264 @@
+"""Files made to do harm: each is refused in a line with its place, before time or memory go into it, and nothing is written.
+
+How long is not held against a clock; but what is not refused beforehand takes minutes here, or all memory there is.
+"""
+
+import base64
+import bz2
+import io
+import json
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import runner
+
+from tests.conftest import FALL
+
+SCATTER = FALL.replace("released: [{position: [0, 1, 0]}]", "scatter: {count: 10, box: [[0, 1, 0], [1, 2, 1]]}")
+EMITTER = FALL.replace("released: [{position: [0, 1, 0]}]", "emitter: {position: [0, 1, 0], direction: [0, 1, 0], rate: 5}")
+AXIS = ", ".join(f"0.{n:04}" for n in range(1, 2001))
+BILLIONS = FALL + f"matrix: {{balls.mass: [{AXIS}], balls.radius: [{AXIS}], solver.step: [{AXIS}]}}\n"
+
+
+def field(cells, height):
+    return FALL.replace("shape: plane", f"shape: heightfield, size: [1, 1], cells: {cells}, height: {json.dumps(height)}")
+
+
+#: what: (file, place and path, words)
+FILES = {
+    "digits": (FALL + f"repeats: {'9' * 400_000}\n", "11:10: ", "longer than 4,096 characters"),
+    "hexadecimal digits": (FALL + f"repeats: 0x{'f' * 4000}\n", "11:1: repeats: ", "must be a finite number"),
+    "a text": (FALL + f"reference: {'x' * 400_000}\n", "11:12: ", "longer than 4,096 characters"),
+    "a key": (FALL + f'? "{"x" * 400_000}"\n: 1\n', "11:3: ", "longer than 4,096 characters"),
+    "half a character": (FALL + 'reference: "\\ud800"\n', "11:12: ", "holds half a character"),
+    "many values": (FALL + f"charts: [{'1, ' * 30_000}]\n", "11:", "more than 20,000 values"),
+    "a large file": (FALL + "#\n" * 300_000, "", "larger than 500 kB"),
+    "lists in lists": ("- " * 200_000, "1:103: ", "nested too deeply"),
+    "keys in keys": ("? " * 200_000, "1:103: ", "nested too deeply"),
+    "groups in groups": (FALL + f"charts: {'{a: ' * 90_000}", "11:", "nested too deeply"),
+    "merged again and again": (
+        f"a0: &a0 {{{', '.join(f'k{n}: 1' for n in range(2000))}}}\n" + "".join(f"a{n}: &a{n} {{<<: *a{n - 1}}}\n" for n in range(1, 300)),
+        "5:14: ", "more than 20,000 values with its aliases",
+    ),
+    "a name that is no index": (FALL + "matrix: {balls.\u00b2: [1]}\n", "11:10: matrix.balls.\u00b2: ", "there is no setting"),
+    "an index that is none": (FALL + f"matrix: {{balls.released.{'9' * 500}: [1]}}\n", "11:10: matrix.balls.released.999", "..."),
+    "billions of runs": (BILLIONS, "11:1: matrix: ", "makes 8,000,000,000 runs; one experiment may have 1,000,000"),
+    "balls scattered": (SCATTER.replace("count: 10", "count: 1e12"), "7:13: balls.scatter.count: ", "must be <= 1e+07"),
+    "balls emitted": (EMITTER.replace("rate: 5", "rate: 1e300"), "7:56: balls.emitter.rate: ", "lets out 2e+299 balls"),
+    "frames": (FALL.replace("duration: 0.2", "duration: 1e9"), "10:1: record.every: ", "makes 1e+11 records"),
+    "frames that cannot be counted": (
+        FALL.replace("duration: 0.2", "duration: 1e308").replace("formats:", "every: 1e-308, formats:"),
+        "10:10: record.every: ", "makes inf records",
+    ),
+    "frames of many balls": (SCATTER.replace("count: 10", "count: 1e7").replace("0.2", "2"), "10:1: record.every: ", "records"),
+    "steps": (FALL.replace("step: 0.01", "step: 1e-300"), "8:34: solver.step: ", "makes 2e+299 steps"),
+    "cells": (field([4096, 4096], "x"), "4:47: scene.surfaces.floor.cells: ", "make 33,554,432 triangles"),
+    "a tower of powers": (field([2, 2], "9**9**9**9"), "4:62: scene.surfaces.floor.height: ", "not finite"),
+    "a name of a file": (FALL.replace("shape: plane", f"shape: mesh, file: {'a/' * 2000}x.obj"), "4:26: scene.", "..."),
+    "a nul in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\0.obj"'), "4:26: scene.surfaces.floor.file: ", "null"),
+    "a line feed in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\n.obj"'), "4:26: scene.", "no file a\\n.obj"),
+    "the system's own": (FALL.replace("shape: plane", "shape: mesh, file: /proc/self/stat"), "4:26: scene.", "is empty"),
+}  # fmt: skip
+
+MANY = {
+    "settings": FALL.replace("  mass: 1", "  mass: 1\n" + "".join(f"  mas{n}: 1\n" for n in range(5000))),
+    "axes": FALL + "matrix:\n" + "".join(f"  balls.mas{n}: [1]\n" for n in range(5000)),
+    "values": FALL + f"matrix: {{balls.mass: [{'-1, ' * 10_000}]}}\n",
+    "expectations": FALL + "expect:\n" + "  - {column: bouces, max: 1}\n" * 3000,
+    "charts": FALL + "charts:\n" + "  - {kind: lines, x: balls.mas, y: bounces}\n" * 2000,
+}
+
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+PLY = b"ply\nformat %s 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n%send_header\n0 0 0\n"
+LAUGHS = "".join(f'<!ENTITY {chr(98 + n)} "{f"&{chr(97 + n)};" * 10}">' for n in range(9))
+XML = f'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "ha">{LAUGHS}]><model>&j;</model>'.encode()
+
+
+def gltf(**parts) -> dict:
+    """A triangle in glTF, with other `parts`."""
+    numbers = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + struct.pack("<3I", 0, 1, 2)
+    uri = "data:application/octet-stream;base64," + base64.b64encode(numbers).decode()
+    return {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 48, "uri": uri}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+    } | parts  # fmt: skip
+
+
+def zeros(count):
+    return {"accessors": [{"componentType": 5126, "count": count, "type": "VEC3"}]}
+
+
+def zipped(name, content) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    return out.getvalue()
+
+
+#: what: (ending, content, words)
+MESHES = {
+    "triangles in stl": ("stl", bytes(80) + struct.pack("<I", 10**9) + bytes(500), "tells of 1,000,000,000 triangles"),
+    "vertices in binary ply": ("ply", PLY % (b"binary_little_endian", 10**9, b""), "tells of 1,000,000,000 elements"),
+    "vertices in ply": ("ply", PLY % (b"ascii", 10**9, b""), "tells of 1,000,000,000 elements"),
+    "lists in ply": ("ply", PLY % (b"binary_little_endian", 1, b"property list uchar int a\n" * 400), "more than 100 properties"),
+    "a header of ply": ("ply", b"ply\nformat ascii 1.0\n" + b"comment\n" * 100_000, "its header has no end"),
+    "vertices in off": ("off", b"OFF\n1000000000 1000000000 0\n0 0 0\n", "is not a mesh"),
+    "numbers in gltf": ("gltf", gltf(**zeros(10**9)), "tells of 1,000,000,000 numbers"),
+    "nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1]} for n in range(5000)]), "more than 1000 nodes"),
+    "nodes in nodes": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1, n + 1]} for n in range(40)]), "no trees"),
+    "a device in gltf": ("gltf", gltf(buffers=[{"byteLength": 48, "uri": "/dev/zero"}]), "points to another file, '/dev/zero'"),
+    "a file in gltf": ("gltf", gltf(buffers=[{"byteLength": 48, "uri": "../x.bin"}]), "points to another file, '../x.bin'"),
+    "an address in gltf": ("gltf", gltf(images=[{"uri": "http://127.0.0.1/x"}]), "points to another file"),
+    "brackets in gltf": ("gltf", b"[" * 100_000, "recursion"),
+    "length of glb": ("glb", b"glTF" + struct.pack("<IIII", 2, 2**32 - 1, 2**32 - 1, 0x4E4F534A) + b"{}", "no description"),
+    "an archive": ("zip", zipped("../../a.obj", OBJ + b"f 1 2 3\n"), "meshes are read from stl, obj, off, ply, glb, gltf files"),
+    "a zip bomb": ("zip", zipped("a.obj", bytes(10_000_000)), "meshes are read from"),
+    "a bzip2 bomb": ("bz2", bz2.compress(bytes(10_000_000)), "meshes are read from"),
+    "entities in 3mf": ("3mf", zipped("3D/3dmodel.model", XML), "meshes are read from"),
+    "entities in dae": ("dae", XML, "meshes are read from"),
+    "entities in xaml": ("xaml", XML, "meshes are read from"),
+}  # fmt: skip
+
+
+def content(mesh) -> bytes:
+    return json.dumps(mesh).encode() if isinstance(mesh, dict) else mesh
+
+
+@pytest.mark.parametrize("what", FILES)
+def test_a_hostile_file_is_refused_in_a_line(here, carom, what):
+    text, place, words = FILES[what]
+    Path("x.yaml").write_text(text)
+    code, out, err = carom("check", "x.yaml")
+    assert (code, out, err.count("\n"), os.listdir()) == (2, "", 1, ["x.yaml"])
+    assert err.startswith(f"x.yaml:{place}") if place else True
+    assert words in err and len(err) < 600, err
+
+
+@pytest.mark.parametrize("command", ["explain", "sweep --dry-run --yes", "tune --error 1e-3"])
+@pytest.mark.parametrize("what", ["billions of runs", "balls emitted", "frames"])
+def test_every_command_refuses(here, carom, command, what):
+    if (command, what) == ("tune --error 1e-3", "billions of runs"):
+        return  # the matrix is not tuned
+    text, place, words = FILES[what]
+    Path("x.yaml").write_text(text)
+    name, *options = command.split()
+    code, out, err = carom(name, "x.yaml", *options)
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith(f"x.yaml:{place}") and words in err
+
+
+@pytest.mark.parametrize("what", MANY)
+def test_of_very_many_mistakes_the_first_are_told(here, carom, what):
+    Path("x.yaml").write_text(MANY[what])
+    code, out, err = carom("check", "x.yaml")
+    lines = err.splitlines()
+    assert (code, out, len(lines), lines[-1]) == (2, "", 101, "... and more mistakes")
+    assert all(line.startswith("x.yaml:") for line in lines[:-1])
+
+
+@pytest.mark.parametrize("what", MESHES)
+def test_a_hostile_mesh_is_refused_in_a_line(here, carom, what):
+    ending, mesh, words = MESHES[what]
+    Path(f"m.{ending}").write_bytes(content(mesh))
+    Path("x.yaml").write_text(FALL.replace("shape: plane", f"shape: mesh, file: m.{ending}"))
+    code, out, err = carom("check", "x.yaml")
+    assert (code, out, err.count("\n")) == (2, "", 1) and len(os.listdir()) == 2
+    assert err.startswith(f"x.yaml:4:26: scene.surfaces.floor.file: m.{ending} is not a mesh that can be read: ")
+    assert words in err and len(err) < 600, err
+
+
+def test_a_mesh_is_read_without_what_it_points_to(here, carom):
+    """Materials and textures may be pipes, on which a reader would wait for ever."""
+    os.mkfifo("pipe")
+    Path("m.obj").write_bytes(b"mtllib pipe\n" + OBJ + b"usemtl a\nf 1 2 3\n")
+    Path("m.ply").write_bytes(
+        (PLY % (b"ascii", 3, b"element face 1\nproperty list uchar int vertex_indices\ncomment TextureFile pipe\n")) + b"1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    Path("m.gltf").write_bytes(content(gltf()))
+    for name in ("m.obj", "m.ply", "m.gltf"):
+        Path("x.yaml").write_text(FALL.replace("shape: plane", f"shape: mesh, file: {name}"))
+        assert carom("check", "x.yaml") == (0, "x.yaml: ok, 1 runs\n", "")
+
+
+def test_many_groups_are_read_as_one(here, carom):
+    """Each a mesh of its own, they take the square of the time."""
+    Path("m.obj").write_bytes(OBJ + b"".join(b"usemtl a%d\nf 1 2 3\n" % n for n in range(50_000)))
+    facet = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+    Path("m.stl").write_bytes(facet * 20_000)
+    for name in ("m.obj", "m.stl"):
+        Path("x.yaml").write_text(FALL.replace("shape: plane", f"shape: mesh, file: {name}"))
+        assert carom("check", "x.yaml").code == 0
+
+
+def test_pipes_are_no_experiments(here, carom):
+    os.mkfifo("x.yaml")
+    assert carom("check", "x.yaml") == (2, "", "x.yaml: is not a file\n")
+    assert carom("check", "/dev/zero") == (2, "", "/dev/zero: is not a file\n")
+
+
+MEMORY = """
+import resource, sys
+from pathlib import Path
+from runner import config
+from runner.errors import InputError
+for path in sorted(Path().glob("*.yaml")):
+    try:
+        config.load(path).runs()
+    except InputError:
+        pass
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+def test_all_of_them_take_little_memory(here):
+    texts = [text for text, _, _ in FILES.values()]
+    for number, (ending, mesh, _) in enumerate(MESHES.values()):
+        Path(f"{number}.{ending}").write_bytes(content(mesh))
+        texts.append(FALL.replace("shape: plane", f"shape: mesh, file: {number}.{ending}"))
+    for number, text in enumerate(texts):
+        Path(f"{number}.yaml").write_text(text)
+    done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 500
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """The output of a sweep of one run."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "fall.yaml").write_text(FALL.replace("[hdf5]", "[]"))
+    runner.sweep(folder / "fall.yaml", out=folder, jobs=1)
+    return folder / "fall"
+
+
+DOCTORED = {
+    "a list": ("provenance.json", b"[]", None),
+    "a source that is none": ("provenance.json", b'{"source": 3}', None),
+    "brackets": ("provenance.json", b"[" * 100_000, None),
+    "a bomb": ("experiment.yaml", b"a: &a [1]\nb: &b [*a, *b]\n", "experiment.yaml:2:12: stands in itself"),
+    "not the experiment": ("experiment.yaml", b"\xff\xfe", "experiment.yaml: not a text file in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("what", DOCTORED)
+def test_a_doctored_output_is_refused_in_a_line(here, carom, swept, what):
+    name, content, words = DOCTORED[what]
+    shutil.copytree(swept, "out")
+    Path("out", name).write_bytes(content)
+    code, out, err = carom("summary", "out")
+    if words:
+        assert (code, out, err.count("\n")) == (2, "", 1) and words in err
+    else:  # what is lost is not needed here
+        assert (code, err) == (0, "")
