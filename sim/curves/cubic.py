@@ -5,14 +5,16 @@ import numpy as np
 from sim.vector import across, axpy, dot, gap, norm, scale, sub
 
 EPS = np.finfo(float).eps
+SHORT = 1e-60  # s; over less a curve is straight, and powers of it have no inverse
 
 
 def hermite(h, x, v, x1, v1):
     """The cubic from position x (m) and velocity v (m/s) to x1 and v1 after h (s); within h^4/384 of the fourth derivative of
     what it interpolates, so good for methods up to order 4."""
-    chord = scale(1.0 / h, sub(x1, x))
-    c = scale(1.0 / h, axpy(3.0, chord, axpy(-2.0, v, scale(-1.0, v1))))
-    d = scale(1.0 / (h * h), axpy(-2.0, chord, axpy(1.0, v, v1)))
+    per, square = (1.0 / h, 1.0 / (h * h)) if h > SHORT else (0.0, 0.0)
+    chord = scale(per, sub(x1, x))
+    c = scale(per, axpy(3.0, chord, axpy(-2.0, v, scale(-1.0, v1))))
+    d = scale(square, axpy(-2.0, chord, axpy(1.0, v, v1)))
     return x, v, c, d
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sim.curves.cubic import SHORT
 from sim.vector import across, axpy, dot, gap, norm, scale, sub
 
 EPS = np.finfo(float).eps
@@ -17,6 +18,8 @@ def hermite(h, x, v, a, x1, v1, a1):
     d = axpy(10.0, p, axpy(-4.0, q, r))
     e = axpy(-15.0, p, axpy(7.0, q, scale(-2.0, r)))
     f = axpy(6.0, p, axpy(-3.0, q, r))
+    if not h > SHORT:
+        return flight(x, v, a, 0.0, 0.0)
     cube = 1.0 / (h * h * h)
     return x, v, scale(0.5, a), scale(cube, d), scale(cube / h, e), scale(cube / (h * h), f)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sim.curves.cubic import SHORT
 from sim.handing import carried  # bound to the method's own, where it has one, before it is compiled
 from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
 from sim.vector import ROUNDING, axpy, dot, scale, sub
@@ -35,7 +36,7 @@ def arrive(curve, s, h, x1, v1, age, x, v, motion):
 
 def squared_speed(curve, s, x, v, x1, v1, motion):
     """Simpson's rule, the velocity in the middle from the cubic through both ends; of order 4."""
-    if s == 0.0:
-        return 0.0
+    if s < SHORT:
+        return s * dot(v, v)
     middle = axpy(1.5 / s, sub(x1, x), scale(-0.25, axpy(1.0, v, v1)))
     return s / 6.0 * (dot(v, v) + 4.0 * dot(middle, middle) + dot(v1, v1))

@@ -7,7 +7,7 @@ from sim import integrators
 from sim.forces import Drag, Spring, Uniform
 from sim.shapes import Plane
 from sim.simulate import Scene
-from tests.sim.helpers import AIR, CORRIDOR, FREE, LIFT, WELL, balls, fly, random_balls, room
+from tests.sim.helpers import AIR, CORRIDOR, FREE, LIFT, WELL, balls, fly, random_balls, room, swept
 
 MASSES = [0.1, 1.0, 10.0, 100.0, 200.0]
 SPEEDS = [0.0, 1e-3, 1.0, 1e2, 1e5]
@@ -165,3 +165,15 @@ def test_a_corridor_gains_what_the_way_through_it_gives():
     assert flight.energy.work[-1] == pytest.approx(20 * (z[48] - z[16]), abs=2.0)
     within = np.flatnonzero(inside)
     assert np.allclose(np.diff(flight.energy.work[within]), 20 * np.diff(z[within]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", [*integrators.names(), "exact"])
+def test_pieces_too_short_to_divide_by(method):
+    """A ball that starts as near to a region's face as numbers go, under a field that ends as soon as time goes."""
+    drag, kick = Drag(1.0), Uniform((0, 0, 1), 1.0, until=1e-200)
+    forces = {"drag": drag, "kick": kick, "push": Uniform((0, 0, 1), 1.0, region={"y": (-1, 0)})}
+    start = balls([[0, -2.22507386e-309, 0]], [[0, 1.0, 0]])
+    flight = swept(Scene(forces=forces), start, method, every=0.05)
+    ledger = flight.energy
+    for values in (flight.trajectory.position, flight.trajectory.velocity, ledger.work, ledger.residual):
+        assert np.isfinite(values).all()
