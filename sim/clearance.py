@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from sim.curves.parabola import bend, slope  # bound to the curve's own before they are compiled
+from sim.curves.parabola import bend, point, slope  # bound to the curve's own before they are compiled
 from sim.forces import HIGH, LOW
-from sim.packed import from_edge, height
+from sim.packed import NORMAL, from_edge, height, vector
 from sim.tree import along
-from sim.vector import norm
+from sim.vector import dot, norm
 
 AHEAD = 16.0  # times the way of a step: how far around to look
 SURE = 1e-9  # share of a distance that is left to rounding
@@ -37,6 +37,25 @@ def region_clearance(x, forces):
                 distance = abs(x[k] - forces.selective[f, limit + k]) * (1.0 - SURE)
                 nearest = min(nearest, distance)
     return nearest
+
+
+def keeps_off(curve, end, features, found, radius):
+    """Whether it is plain that a ball touches none of the features `found` on a curve of the length `end` (s): it comes no nearer to
+    a face than its speed toward that and its largest acceleration bring it, and no nearer to an edge than it can go."""
+    x, v, n = point(curve, 0.0), slope(curve, 0.0), len(features.faces)
+    bow = 0.5 * bend(curve, 0.0, end) * end * end
+    reach = end * norm(v) + bow
+    rounded = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]) + reach)
+    for c in range(len(found)):
+        i = found[c]
+        if i < n:
+            gap, rise = height(features.faces, i, x), end * dot(vector(features.faces, i, NORMAL), v)
+            nearest = abs(gap) + min(rise if gap > 0.0 else -rise, 0.0) - bow
+        else:
+            nearest = norm(from_edge(features.edges, i - n, x)) - reach
+        if not nearest > rounded:
+            return False
+    return True
 
 
 def among(features, found, near, x, radius, far):

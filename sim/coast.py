@@ -8,7 +8,7 @@ the ball is free again.
 
 import numpy as np
 
-from sim.clearance import AHEAD, clearance, region_clearance, way
+from sim.clearance import AHEAD, clearance, keeps_off, region_clearance, way
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
 from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
 from sim.lanes import LANES, lane, put
@@ -155,8 +155,13 @@ def work(lanes, width, dt, mass):
 def work_in(lanes, i, h, x1, v1, mass):
     """Work (J) on the ball in lane i in h (s), at the end of which it is at x1 (m) with velocity v1 (m/s)."""
     x, v, mover = lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover_in(lanes, i)
-    a = acceleration(lanes[CLOCK + i], x, v, mover)
-    return work_done(interpolant(h, x, v, a, x1, v1), h, x, v, x1, v1, mover, mass)
+    return work_done(curve_in(lanes, i, h, x1, v1), h, x, v, x1, v1, mover, mass)
+
+
+def curve_in(lanes, i, h, x1, v1):
+    """The curve of the ball in lane i over h (s), at the end of which it is at x1 (m) with velocity v1 (m/s)."""
+    x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
+    return interpolant(h, x, v, acceleration(lanes[CLOCK + i], x, v, mover_in(lanes, i)), x1, v1)
 
 
 def is_free(lanes, i, dt, states, first, body, forces, features, search, record):
@@ -167,12 +172,16 @@ def is_free(lanes, i, dt, states, first, body, forces, features, search, record)
     if lanes[BALL + i] == NONE or not aim < lanes[LAST + i] or not sane(lane(lanes, PLACE1, i), lane(lanes, SPEED1, i)):
         return False
     if not reach < lanes[CLEAR + i]:
-        far = lanes[LOOK + i] * reach
-        clear = min(clearance(features, search, x, body.radius, far), region_clearance(x, forces))
+        few, aside = len(features.tree.items) == 0, region_clearance(x, forces)
+        far = np.inf if few else lanes[LOOK + i] * reach
+        clear = min(clearance(features, search, x, body.radius, far), aside)
         lanes[LOOK + i] = min(2.0 * lanes[LOOK + i], FARTHEST) if clear > 0.5 * far else AHEAD
         lanes[CLEAR + i] = clear
         if not reach < clear:
-            return False
+            h = aim - lanes[CLOCK + i]
+            curve = curve_in(lanes, i, h, lane(lanes, PLACE1, i), lane(lanes, SPEED1, i))
+            if not few or not reach < aside or not keeps_off(curve, h, features, search.found, body.radius):
+                return False
     s = states[int(lanes[BALL + i])]
     while lanes[DUE + i] < aim:
         t = max(lanes[DUE + i] - lanes[CLOCK + i], 0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.clearance import AHEAD, clearance, way
+from sim.clearance import AHEAD, clearance, keeps_off, way
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
 from sim.handing import CARRIES  # bound before it is compiled
 from sim.hop import hop
@@ -128,6 +128,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
     how, clear, left, flown, dt = DONE, 0.0, int(s[LEFT]), int(s[FLOWN]), s[STEP]
+    few = len(features.tree.items) == 0
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -172,7 +173,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             reach = way(curve, h)
             if reach >= clear:
                 clear = clearance(features, search, x, body.radius, AHEAD * reach)
-            free = reach < clear
+            free = reach < clear or (few and keeps_off(curve, h, features, search.found, body.radius))
             clear -= reach
         if not free:
             touched, t, near = first_touch(curve, features, search, body.radius, length, contacts, left)
