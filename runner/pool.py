@@ -17,6 +17,8 @@ from runner import worker
 from runner.errors import RunError
 from runner.worker import Task
 
+FEW = 8  # tasks a place
+
 Told = Callable[[Task, str], None]
 Lost = Callable[[Task, str, int], bool]
 
@@ -79,15 +81,14 @@ class Workers:
                 if not suspects:
                     return
                 todo.append(suspects.popleft())
-            for place in self.places:
-                while todo and len(place.handed) < place.ahead:
-                    try:
-                        future = place.executor.submit(function, todo[0])
-                    except place.deaths:
-                        fall(place)
-                        continue
-                    place.handed[future] = todo.popleft()
-                    future.add_done_callback(lambda future, place=place: back.put((place, future)))
+            while todo and (place := self._next(len(todo))):
+                try:
+                    future = place.executor.submit(function, todo[0])
+                except place.deaths:
+                    fall(place)
+                    continue
+                place.handed[future] = todo.popleft()
+                future.add_done_callback(lambda future, place=place: back.put((place, future)))
             place, future = back.get()
             if future not in place.handed:
                 continue  # it fell with another
@@ -101,6 +102,14 @@ class Workers:
                 raise RunError(f"cannot write {place.handed[future].final}: {error.strerror or error}") from None
             else:
                 told(place.handed.pop(future), status)
+
+
+    def _next(self, left: int) -> Place | None:
+        """The place that is to get the next task: the one with the least to do. At the end, when few tasks are left, none waits
+        behind another, that a long one holds up none."""
+        place = min(self.places, key=lambda each: len(each.handed) / each.ahead)
+        room = place.ahead if left > FEW * len(self.places) else max(1, place.ahead // 2)
+        return place if len(place.handed) < room else None
 
 
 def local(jobs: int) -> Workers:

@@ -42,7 +42,10 @@ class Inline:
         pass
 
     def prepare(self, kernels):
-        pass
+        from runner import worker
+
+        for task in kernels:
+            worker.compile_kernel(task)
 
     def carry_out(self, function, tasks, told, lost):
         for task in tasks:

@@ -209,16 +209,15 @@ def test_pipes_are_no_experiments(here, carom):
 
 
 MEMORY = """
-import resource, sys
 from pathlib import Path
-from runner import config
+from runner import config, machine
 from runner.errors import InputError
 for path in sorted(Path().glob("*.yaml")):
     try:
         config.load(path).runs()
     except InputError:
         pass
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+print(machine.peak_memory() // 2**20)
 """
 
 
