@@ -1,71 +1,62 @@
-"""How far a ball may go for sure before it can touch anything: what spares a method with small steps most of its searches."""
+"""How long a ball goes for sure before anything can happen to it: what spares a method with small steps most of its searches.
+
+As long as no step changes the velocity faster than by `push` (m/s^2), nor its curve's, a distance that is g and falls at the
+speed u now is at least g - u t - push t^2/2 after the time t, whatever the method and the fields.
+"""
 
 import numpy as np
 
-from sim.curves.parabola import bend, point, slope  # bound to the curve's own before they are compiled
+from sim.curves.majorant import stride
+from sim.curves.parabola import bend  # bound to the curve's own before it is compiled
 from sim.forces import HIGH, LOW
 from sim.packed import NORMAL, from_edge, height, vector
 from sim.tree import along
-from sim.vector import dot, norm
+from sim.vector import dot, norm, sub
 
-AHEAD = 16.0  # times the way of a step: how far around to look
-SURE = 1e-9  # share of a distance that is left to rounding
-
-
-def way(curve, end):
-    """An upper bound (m) of how far the curve goes from its start within `end` (s): |v| t + max |x''| t^2/2."""
-    return end * (norm(slope(curve, 0.0)) + 0.5 * end * bend(curve, 0.0, end))
+AHEAD, FARTHEST = 16.0, 64.0  # times the way of a step: how far around to look first, and at most; more takes longer than it spares
+SPARE = 1.25  # of the push now: as much is allowed for
+SURE = 1e-9  # share of a distance or time that is left to rounding
 
 
-def clearance(features, search, x, radius, far):
-    """A lower bound (m), at most `far`, of the distance between a ball at x (m) and all surfaces."""
-    always = features.everywhere
+def push_of(curve, h, v, v1):
+    """How fast (m/s^2) a step of h (s) from velocity v to v1 (m/s), and its curve, change the velocity."""
+    return max(bend(curve, 0.0, h), norm(sub(v1, v)) / h)
+
+
+def free_time(features, search, x, v, push, radius, look):
+    """A lower bound (s) of the time until a ball at x (m) with velocity v (m/s) touches anything; in a tree looked for no farther
+    than `look` (m) around."""
+    slack = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]))
     if len(features.tree.items) == 0:
-        return min(far, among(features, search.found, len(search.found), x, radius, far))
-    nearest = among(features, search.found, always, x, radius, far)
-    still = (0.0, 0.0, 0.0)
-    count = along(features.tree, (x, still, still), 0.0, radius + far, 0.0, search, always)
-    return min(nearest, among(features, search.found[always:], count - always, x, radius, far))
+        return among(features, search.found, len(search.found), x, v, push, slack)
+    always, still = features.everywhere, (0.0, 0.0, 0.0)
+    soonest = min(stride(look, -norm(v), push, 0.0), among(features, search.found, always, x, v, push, slack))
+    count = along(features.tree, (x, still, still), 0.0, radius + look, 0.0, search, always)
+    return min(soonest, among(features, search.found[always:], count - always, x, v, push, slack))
 
 
-def region_clearance(x, forces):
-    """A lower bound (m) of the distance of a centre at x (m) to all faces of regions, inf if there is none."""
-    nearest = np.inf
-    for f in range(len(forces.selective)):
-        for k in range(3):
-            for limit in (LOW, HIGH):
-                distance = abs(x[k] - forces.selective[f, limit + k]) * (1.0 - SURE)
-                nearest = min(nearest, distance)
-    return nearest
-
-
-def keeps_off(curve, end, features, found, radius):
-    """Whether it is plain that a ball touches none of the features `found` on a curve of the length `end` (s): it comes no nearer to
-    a face than its speed toward that and its largest acceleration bring it, and no nearer to an edge than it can go."""
-    x, v, n = point(curve, 0.0), slope(curve, 0.0), len(features.faces)
-    bow = 0.5 * bend(curve, 0.0, end) * end * end
-    reach = end * norm(v) + bow
-    rounded = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]) + reach)
-    for c in range(len(found)):
-        i = found[c]
-        if i < n:
-            gap, rise = height(features.faces, i, x), end * dot(vector(features.faces, i, NORMAL), v)
-            nearest = abs(gap) + min(rise if gap > 0.0 else -rise, 0.0) - bow
-        else:
-            nearest = norm(from_edge(features.edges, i - n, x)) - reach
-        if not nearest > rounded:
-            return False
-    return True
-
-
-def among(features, found, near, x, radius, far):
-    """`clearance` from the first `near` features in `found`; from a face's whole plane."""
-    n, nearest = len(features.faces), far
+def among(features, found, near, x, v, push, slack):
+    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m); from a face's whole plane."""
+    n, soonest, speed = len(features.faces), np.inf, norm(v)
     for c in range(near):
         i = found[c]
         if i < n:
-            distance = abs(height(features.faces, i, x))
+            gap, rise = height(features.faces, i, x), dot(vector(features.faces, i, NORMAL), v)
+            gap, rise = (gap, rise) if gap > 0.0 else (-gap, -rise)
         else:
-            distance = norm(from_edge(features.edges, i - n, x))
-        nearest = min(nearest, distance * (1.0 - SURE) - radius)
-    return nearest - SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]))
+            gap, rise = norm(from_edge(features.edges, i - n, x)), -speed
+        soonest = min(soonest, stride(gap * (1.0 - SURE) - slack, rise, push, 0.0) if gap > slack else 0.0)
+    return soonest * (1.0 - SURE)
+
+
+def region_free_time(x, v, push, forces):
+    """A lower bound (s) of the time until a centre at x (m) with velocity v (m/s) crosses the face of any region."""
+    soonest = np.inf
+    for f in range(len(forces.selective)):
+        for k in range(3):
+            for limit in (LOW, HIGH):
+                gap = x[k] - forces.selective[f, limit + k]
+                if np.isfinite(gap):
+                    rise = v[k] if gap > 0.0 else -v[k]
+                    soonest = min(soonest, stride(abs(gap) * (1.0 - SURE), rise, push, 0.0))
+    return soonest * (1.0 - SURE)

@@ -1,14 +1,14 @@
 """The steps of many balls side by side while nothing can happen to them: nearly all that a method with a fixed step does.
 
-A ball has a length that it may go for sure before it can touch a surface or cross the face of a region. As long as its steps stay
-within that, vector instructions take them for all balls at once, and the same numbers come out, bit for bit, as when `fly` of
+A ball has an age up to which it cannot touch a surface, nor cross the face of a region, see `sim.clearance`. As long as its steps
+stay within that, vector instructions take them for all balls at once, and the same numbers come out, bit for bit, as when `fly` of
 `sim.travel` looks for events in each. A step in which something may happen is left to `fly`, and so are those after it until
 the ball is free again.
 """
 
 import numpy as np
 
-from sim.clearance import AHEAD, clearance, keeps_off, region_clearance, way
+from sim.clearance import AHEAD, FARTHEST, SPARE, free_time, push_of, region_free_time
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
 from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
 from sim.lanes import LANES, lane, put
@@ -19,7 +19,7 @@ from sim.solvers.stepping import steps_to_come
 from sim.state import AGE, END, FRAME, LOST, RELEASED, STEP, STEPS, WORK, V, X, fill, work_done
 from sim.touch import NONE
 from sim.travel import DONE, PAUSED, READY, fly
-from sim.vector import ROUNDING, dot
+from sim.vector import ROUNDING, dot, norm
 
 # Rows of the lanes, as in `sim.lanes`; a 1 marks where the step under way leads.
 PLACE, SPEED, PUSH, PLACE1, SPEED1, PUSH1 = (3 * k * LANES for k in range(6))  # m, m/s, m/s^2
@@ -29,8 +29,8 @@ CLOCK = 28 * LANES  # s, age
 GRID = 29 * LANES  # the age at which the step under way ends, in steps
 LAST = 30 * LANES  # s, age before which it must end
 DUE = 31 * LANES  # s, age at the next frame
-CLEAR = 32 * LANES  # m that the ball may go for sure
-REACH = 33 * LANES  # m that it goes in the step at most
+SURE_TILL = 32 * LANES  # s, age up to which nothing can happen to it
+HARDEST = 33 * LANES  # m/s^2, if nothing pushes it harder
 LOOK = 34 * LANES  # ways of a step, how far to look around next
 MOVES = 35 * LANES  # 1 where the step can be taken
 BALL = 36 * LANES  # its row of the states; NONE in a lane without a ball
@@ -39,7 +39,6 @@ TAKEN = 38 * LANES  # steps since it came into the lane
 ROWS = 39
 
 FEW = 6  # balls that fly one by one
-FARTHEST = 64.0  # ways of a step to look around at the most; twice as many and a search takes longer than it spares
 
 
 def coast_room() -> np.ndarray:
@@ -52,7 +51,7 @@ def coast(states, first, tolerance, blur, body, forces, features, search, lanes,
     dt, works, rows = states[0, STEP], does_work(forces), 0
     width, upcoming, how = min(len(states), LANES), 0, DONE
     for i in range(LANES):
-        lanes[BALL + i], lanes[CLEAR + i] = NONE, 0.0
+        lanes[BALL + i], lanes[SURE_TILL + i] = NONE, -1.0
     if len(states) < FEW:
         for ball in range(len(states)):
             if states[ball, FRAME] < len(record.time):
@@ -118,9 +117,9 @@ def stride(lanes, dt):
         put(lanes, SPEED1, i, v1)
         if CARRIES:
             put(lanes, PUSH1, i, a1)
-        reach = way(interpolant(h, x, v, a, x1, v1), h)
-        lanes[REACH + i] = reach
-        moves = (reach < lanes[CLEAR + i]) & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
+        push = push_of(interpolant(h, x, v, a, x1, v1), h, v, v1)
+        known = (aim <= lanes[SURE_TILL + i]) & (push <= lanes[HARDEST + i])
+        moves = known & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
         lanes[MOVES + i] = 1.0 if moves else 0.0
         moving += 1 if moves else 0
     return moving
@@ -141,7 +140,6 @@ def commit(lanes, dt):
         lanes[CLOCK + i] = lanes[GRID + i] * dt if moves else lanes[CLOCK + i]
         lanes[GRID + i] += 1.0 if moves else 0.0
         lanes[TAKEN + i] += 1.0 if moves else 0.0
-        lanes[CLEAR + i] -= lanes[REACH + i] if moves else 0.0
 
 
 def work(lanes, width, dt, mass):
@@ -167,25 +165,24 @@ def curve_in(lanes, i, h, x1, v1):
 def is_free(lanes, i, dt, states, first, body, forces, features, search, record):
     """Whether the ball in lane i, if there is one, may take its step after all: it is farther from everything than it was known to be,
     and frames on the way are recorded."""
-    aim, reach = lanes[GRID + i] * dt, lanes[REACH + i]
-    x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
-    if lanes[BALL + i] == NONE or not aim < lanes[LAST + i] or not sane(lane(lanes, PLACE1, i), lane(lanes, SPEED1, i)):
+    aim, age = lanes[GRID + i] * dt, lanes[CLOCK + i]
+    x, v, x1, v1 = lane(lanes, PLACE, i), lane(lanes, SPEED, i), lane(lanes, PLACE1, i), lane(lanes, SPEED1, i)
+    if lanes[BALL + i] == NONE or not aim < lanes[LAST + i] or not sane(x1, v1):
         return False
-    if not reach < lanes[CLEAR + i]:
-        few, aside = len(features.tree.items) == 0, region_clearance(x, forces)
-        far = np.inf if few else lanes[LOOK + i] * reach
-        clear = min(clearance(features, search, x, body.radius, far), aside)
-        lanes[LOOK + i] = min(2.0 * lanes[LOOK + i], FARTHEST) if clear > 0.5 * far else AHEAD
-        lanes[CLEAR + i] = clear
-        if not reach < clear:
-            h = aim - lanes[CLOCK + i]
-            curve = curve_in(lanes, i, h, lane(lanes, PLACE1, i), lane(lanes, SPEED1, i))
-            if not few or not reach < aside or not keeps_off(curve, h, features, search.found, body.radius):
-                return False
+    h = aim - age
+    push = push_of(curve_in(lanes, i, h, x1, v1), h, v, v1)
+    if not (aim <= lanes[SURE_TILL + i] and push <= lanes[HARDEST + i]):
+        push *= SPARE
+        look = lanes[LOOK + i] * h * (norm(v) + push * h)
+        aside, time = region_free_time(x, v, push, forces), free_time(features, search, x, v, push, body.radius, look)
+        lanes[LOOK + i] = min(2.0 * lanes[LOOK + i], FARTHEST) if time > 0.25 * lanes[LOOK + i] * h else AHEAD
+        lanes[SURE_TILL + i], lanes[HARDEST + i] = age + min(time, aside), push
+        if not aim <= lanes[SURE_TILL + i]:
+            return False
     s = states[int(lanes[BALL + i])]
     while lanes[DUE + i] < aim:
-        t = max(lanes[DUE + i] - lanes[CLOCK + i], 0.0)
-        xt, vt = step(t, lanes[CLOCK + i], x, v, mover_in(lanes, i))
+        t = max(lanes[DUE + i] - age, 0.0)
+        xt, vt = step(t, age, x, v, mover_in(lanes, i))
         done = lanes[WORKED + i] + work_in(lanes, i, t, xt, vt, body.mass)
         if not fill(record, int(s[FRAME]), first + int(lanes[BALL + i]), xt, vt, done, s[LOST]):
             return False
@@ -217,7 +214,7 @@ def board(states, lanes, i, ball, dt, forces, record):
     lanes[STIFF + i], lanes[DRAG + i], lanes[DRIVE_STIFF + i], lanes[DRIVE_DRAG + i] = mover.w2, mover.b, mover.drive_w2, mover.drive_b
     lanes[CLOCK + i], lanes[GRID + i] = age, steps_to_come(age, limit, dt)
     lanes[LAST + i], lanes[DUE + i] = limit - ROUNDING * limit, next_frame(s, record)
-    lanes[CLEAR + i], lanes[LOOK + i], lanes[MOVES + i] = 0.0, AHEAD, 0.0
+    lanes[SURE_TILL + i], lanes[LOOK + i], lanes[MOVES + i] = -1.0, AHEAD, 0.0
     lanes[BALL + i], lanes[WORKED + i], lanes[TAKEN + i] = ball, s[WORK], 0.0
 
 

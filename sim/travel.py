@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.clearance import AHEAD, clearance, keeps_off, way
+from sim.clearance import AHEAD, SPARE, free_time, push_of
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
 from sim.handing import CARRIES  # bound before it is compiled
 from sim.hop import hop
@@ -127,8 +127,8 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         frame += 1
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
-    how, clear, left, flown, dt = DONE, 0.0, int(s[LEFT]), int(s[FLOWN]), s[STEP]
-    few = len(features.tree.items) == 0
+    how, left, flown, dt = DONE, int(s[LEFT]), int(s[FLOWN]), s[STEP]
+    push, sure = 0.0, -1.0  # m/s^2, s: up to that age nothing can happen if nothing pushes harder
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -170,11 +170,11 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             length = reaches_end(curve, features, contacts, curved, h)
         free = contacts.held
         if SMALL_STEPS and contacts.count == 0:
-            reach = way(curve, h)
-            if reach >= clear:
-                clear = clearance(features, search, x, body.radius, AHEAD * reach)
-            free = reach < clear or (few and keeps_off(curve, h, features, search.found, body.radius))
-            clear -= reach
+            needed = push_of(curve, h, v, v1)
+            if needed > push or aim > sure:
+                push = SPARE * needed
+                sure = age + free_time(features, search, x, v, push, body.radius, AHEAD * h * (norm(v) + push * h))
+            free = aim <= sure
         if not free:
             touched, t, near = first_touch(curve, features, search, body.radius, length, contacts, left)
             if touched != NONE:
@@ -247,7 +247,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             left = item
         elif flown == NONE and not on_edge(features.faces, contacts):
             left = NONE
-        clear = 0.0
+        sure = -1.0
         if len(forces.selective) > 0:
             mover = motion(age, x, v, forces, contacts)
         if changed:

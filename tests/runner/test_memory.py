@@ -17,10 +17,10 @@ reference: exact
 duration: 0.01
 """
 SCRIPT = """
-import resource, sys
-from runner import load, run
+import sys
+from runner import load, machine, run
 run(load(sys.argv[1]))
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+print(machine.peak_memory())
 """
 CELLS, HEIGHT = 708, "0.3*sin(2*x)*cos(2*z) + 0.05*x*z"
 
