@@ -121,6 +121,18 @@ def still_touching(v, a, contacts):
     return contacts
 
 
+def turned_back(v, normal, e, contacts):
+    """The velocity v (m/s) along all surfaces in contact, after the impact on one more that it still runs into.
+
+    These have taken back what the impact gave, as they do where their normals are nearly that one: so it is along them. With e = 1
+    its speed stays.
+    """
+    way, into = tangent(normal, contacts), dot(v, normal)
+    if into >= 0.0 or norm(way) <= PARALLEL:
+        return v
+    return axpy(-(1.0 + e) * into / dot(way, way), way, v)
+
+
 def time_to_rest(v, a, normal, e):
     """How long (s) the bounces go on: the hops 2 u/|a_n| (1 + e + e^2 + ...) after an impact that the ball leaves at the normal
     speed u, under a constant acceleration a_n toward the surface; inf if they do not end."""

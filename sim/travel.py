@@ -31,6 +31,7 @@ from sim.rest import (
     still_touching,
     tangent,
     time_to_rest,
+    turned_back,
     without,
 )
 from sim.slide import (
@@ -311,7 +312,9 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flo
             v = (0.0, 0.0, 0.0)
         contacts = still_touching(v, acceleration(age, x, v, lying_on(mover, no_contacts())), contacts)
         mover = lying_on(mover, contacts)
-        v = tangent(v, contacts)
+        v0 = tangent(v, contacts)
+        v = turned_back(v0, normal, body.restitution, contacts)
+        s[LOST] += 0.5 * body.mass * (dot(v0, v0) - dot(v, v))
         a = turn(features, x, v, mover)
         stays = comes_to_rest(v, a, normal, body.restitution, body.damping, blur)
         if stays and not flies_off(features, item, x, v, mover, normal):

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from sim import rest
 from sim.forces import Drag, Uniform
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.simulate import METHODS, Scene
@@ -482,3 +483,14 @@ def test_rest_on_triangles_turned_any_way():
     flight = swept(scene, balls(turn @ (-1.5, R, -1.5), FREE), duration=1.5)
     wanted = turn @ (-1.5 + 2.0 * 1.5**2 / 2, R, -1.5 + 1.0 * 1.5**2 / 2)
     assert np.abs(last(flight)[0] - wanted).max() < 1e-13 and len(flight.rests) == 1
+
+
+@pytest.mark.parametrize("angle", [1e-5, 1e-3, 0.05, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_an_impact_in_a_flat_valley_is_along_the_face_that_the_ball_stays_on(angle, e):
+    """To reach the other face is to leave this one by no more than rounding; else it would be hit again at once, without end."""
+    floor, wall = (0.0, 1.0, 0.0), (-np.sin(angle), np.cos(angle), 0.0)
+    contacts = rest.add(rest.no_contacts(), 0, floor, False)
+    v = rest.turned_back((0.3, 0.0, 0.4), wall, e, contacts)
+    assert np.allclose(v, (-e * 0.3, 0.0, 0.4), rtol=0, atol=1e-15 / angle)  # as the wall's slope is known
+    assert rest.turned_back((-0.3, 0.0, 0.4), wall, e, contacts) == (-0.3, 0.0, 0.4)  # on its way out

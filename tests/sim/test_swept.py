@@ -140,6 +140,17 @@ def test_none_escapes_at_any_step_often(name, method, step):
         assert shots > 200
 
 
+def test_a_slide_over_concave_facets_goes_on():
+    """Steps so long that every hop is too short to be told from rest: the ball slides to and fro from facet to facet. It came to run
+    along two of them that are nearly parallel, and was thrown from one onto the other without end."""
+    place = (0.40683810056008896, 0.2872656561273732, -0.3831935382530103)
+    velocity = (0.050849662177697166, 0.028321203469681616, -0.01674992173748977)
+    start = balls(place, velocity, radius=R, lifetime=1e9)
+    flight = swept(Scene(surfaces=ROOMS["icosphere 20480"][0], **ELASTIC), start, "symplectic_euler", 1.0, 5.0)
+    assert flight.status == "finished" and 100 < len(flight.bounces) < 1000
+    assert in_convex(BALL20480, last(flight)).min() > R - 1e-12
+
+
 def with_features(simulation, features):
     """The simulation with other features for the same surfaces."""
     _, _, body, forces, *_ = simulation.engine.given
