@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from runner import store
 from runner.columns import COLUMNS, TEXTS, WHOLE
 from runner.errors import RunError
+from runner.forms import STATUSES
 from runner.settings import leaves
 
 if TYPE_CHECKING:
@@ -41,11 +42,30 @@ def read(folder: Path) -> pyarrow.Table:
 
     path = folder / f"{store.SUMMARY}.parquet"
     try:
-        return pyarrow.parquet.read_table(path, page_checksum_verification=True)
-    except (pyarrow.ArrowInvalid, OSError) as error:
+        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
+        table.validate(full=True)
+        reason = None if _is_summary(table) else "not a summary, or of another version"
+    except (pyarrow.ArrowException, OSError) as error:
         if isinstance(error, FileNotFoundError):
             raise
-        raise RunError(f"{path}: cut or changed; `carom status {shlex.quote(str(folder))} --repair` makes it again") from None
+        reason = "cut or changed"
+    if reason:
+        raise RunError(f"{path}: {reason}; `carom status {shlex.quote(str(folder))} --repair` makes it again")
+    return table
+
+
+def _is_summary(table: pyarrow.Table) -> bool:
+    """Whether the table has all columns that `build` makes, and none but of their types."""
+    import pyarrow
+
+    types = dict(zip(table.column_names, table.schema.types))
+    return (
+        len(types) == table.num_columns
+        and all(types.get(name) == _kind(name) for name in COLUMNS)
+        and {pyarrow.string(), pyarrow.int64(), pyarrow.float64(), pyarrow.bool_()} >= set(types.values())
+        and table["run_id"].null_count == 0
+        and STATUSES >= set(table["status"].unique().to_pylist())
+    )
 
 
 def build(reports: Iterable[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
@@ -76,18 +96,28 @@ def differing(settings: list[dict[str, Any]]) -> list[str]:
     ]
 
 
+def _kind(name: str) -> pyarrow.DataType:
+    """The type of one of COLUMNS."""
+    import pyarrow
+
+    return pyarrow.string() if name in TEXTS else pyarrow.int64() if name in WHOLE else pyarrow.float64()
+
+
 def _typed(name: str, values: list, setting: bool = False):
     import pyarrow
 
-    if name in TEXTS:
-        return pyarrow.array(values, pyarrow.string())
-    if name in WHOLE:
-        return pyarrow.array(values, pyarrow.int64())
-    if not setting or all(v is None or isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
+    if not setting:
+        return pyarrow.array(values, _kind(name))
+    if all(v is None or _is_float(v) for v in values):
         return pyarrow.array(values, pyarrow.float64())
     if all(v is None or isinstance(v, bool) for v in values):
         return pyarrow.array(values, pyarrow.bool_())
     return pyarrow.array([v if v is None or isinstance(v, str) else json.dumps(v) for v in values], pyarrow.string())
+
+
+def _is_float(value: Any) -> bool:
+    """Whether it is a number that a column of numbers can hold; a seed may have more digits than they have."""
+    return isinstance(value, float) or isinstance(value, int) and not isinstance(value, bool) and abs(value) <= 2**53
 
 
 def _rank(value: Any) -> tuple:

@@ -98,19 +98,17 @@ def _figures(ours: dict, theirs: dict, rtol: float) -> Iterator[Difference]:
 
 def _trajectories(ours: tuple[Path, str], theirs: tuple[Path, str], rtol: float) -> Iterator[Difference]:
     """Where the recorded trajectories differ; each is told by the entry that it lies in and its run."""
-    with hdf5.read(*ours) as one, hdf5.read(*theirs) as other:
-        for name, unit in UNITS.items():
-            x, y = (tree[f"particles/balls/{name}/value"][:] for tree in (one, other))
-            if x.shape != y.shape:
-                yield Difference(name, f"{name} of shape {x.shape} and {y.shape}")
-                continue
-            if (np.isnan(x) != np.isnan(y)).any():
-                yield Difference(name, f"{name}: other balls are alive")
-                continue
-            size = np.linalg.norm(np.nan_to_num(x - y), axis=-1)
-            beyond = size > rtol * np.nanmax(np.abs(x), initial=0.0)
-            if beyond.any():
-                frame = np.flatnonzero(beyond.any(axis=1))[0]
-                since = one[f"particles/balls/{name}/time"][frame]
-                told = f"{name} differs by up to {size.max():.3g} {unit}, of {beyond.any(axis=0).sum()} balls, from {since:g} s on"
-                yield Difference(name, told, float(size.max()))
+    for name, unit in UNITS.items():
+        (time, x), (_, y) = (hdf5.read(*run, f"particles/balls/{name}") for run in (ours, theirs))
+        if x.shape != y.shape:
+            yield Difference(name, f"{name} of shape {x.shape} and {y.shape}")
+            continue
+        if (np.isnan(x) != np.isnan(y)).any():
+            yield Difference(name, f"{name}: other balls are alive")
+            continue
+        size = np.linalg.norm(np.nan_to_num(x - y), axis=-1)
+        beyond = size > rtol * np.nanmax(np.abs(x), initial=0.0)
+        if beyond.any():
+            since = time[np.flatnonzero(beyond.any(axis=1))[0]]
+            told = f"{name} differs by up to {size.max():.3g} {unit}, of {beyond.any(axis=0).sum()} balls, from {since:g} s on"
+            yield Difference(name, told, float(size.max()))

@@ -59,4 +59,4 @@ def existing(folder: Path) -> Experiment:
     if not path.is_file():
         raise InputError(f"{folder}: not the output of a sweep, it has no {store.EXPERIMENT}")
     source = store.provenance(folder).get("source")
-    return replace(check(Document(path, Path(source) if isinstance(source, str) else None)), name=folder.resolve().name)
+    return replace(check(Document(path, Path(source) if source else None)), name=folder.resolve().name)

@@ -8,6 +8,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from runner import forms
+
 MARK = b',\n "sha256": "'  # before the checksum, which ends a sealed text
 
 
@@ -20,9 +22,11 @@ def checksum(path: Path) -> dict[str, Any]:
 def fault(path: Path, noted: dict[str, Any]) -> str | None:
     """What is wrong with the file, held against the checksum noted when it was made; None when nothing is."""
     try:
+        if not path.is_file():  # a device or a pipe would be read for ever
+            return "missing"
         size = path.stat().st_size
-        if size != noted["bytes"]:
-            return f"has {size} bytes instead of {noted['bytes']}"
+        if size != (told := noted.get("bytes")):
+            return f"has {size} bytes instead of {told}"
         return None if checksum(path) == noted else "changed, its checksum is another"
     except FileNotFoundError:
         return "missing"
@@ -42,7 +46,7 @@ def unseal(text: bytes) -> dict[str, Any]:
     Raises ValueError in a few words when the text was cut or changed.
     """
     try:
-        data = json.loads(text)
+        data = forms.parse(text)
     except ValueError:
         raise ValueError("cut or changed, it is not JSON any more") from None
     body, mark, _ = text.rpartition(MARK)

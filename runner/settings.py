@@ -40,7 +40,7 @@ def leaves(parameters: Any, whole: Iterable[str] = ()) -> Iterator[tuple[str, An
         if name in whole or not (nested or name in around) or value in ({}, []):
             yield intern(name), value  # the same in every run of a sweep, of which there may be many
         if nested or name in around:
-            for key, each in value.items() if isinstance(value, dict) else enumerate(value or []):
+            for key, each in value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ()):
                 yield from walk(each, f"{name}.{key}" if name else str(key))
 
     yield from walk(parameters, "")

@@ -12,15 +12,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from runner import claims, seal
+from runner import claims, forms, seal
 from runner.errors import Damaged
 
 RUNS, EXPERIMENT, PROVENANCE, SUMMARY, RUN = "runs", "experiment.yaml", "provenance.json", "summary", "run.json"
 ASIDE, CHARTS = ".aside", "charts"
 #: Many runs may lie in one folder, a pack: runs/pack-3/ has a list of them, and their reports, a line each.
 PACK, MEMBERS, REPORTS = re.compile(r"pack-(\d+)"), "pack.json", "runs.jsonl"
-#: What run.json and pack.json must tell.
-KEYS = {RUN: {"run_id", "status", "error", "parameters", "figures"}, MEMBERS: {"runs", "files"}}
 
 
 def run_folder(folder: Path, run_id: str) -> Path:
@@ -107,26 +105,33 @@ def read_runs(folder: Path, run_ids: Iterable[str] | None = None) -> Iterator[di
 
 def _reports(pack: Path) -> dict[str, dict[str, Any]]:
     """The reports of the runs in a pack, by id."""
-    path = pack / REPORTS
-    if wrong := seal.fault(path, contents(pack)["files"][REPORTS]):
+    path, told = pack / REPORTS, contents(pack)
+    if wrong := seal.fault(path, told["files"].get(REPORTS, {})):
         raise Damaged(path, wrong)
-    lines = path.read_text("utf-8").splitlines()
-    reports = json.loads(f"[{','.join(lines)}]")  # at once: what is read together shares its keys, and takes half the memory
-    return {report["run_id"]: report for report in reports}
+    lines = path.read_bytes().splitlines()
+    try:
+        # at once: what is read together shares its keys, and takes half the memory
+        reports = [forms.check(forms.Run, report) for report in forms.parse(b"[%b]" % b",".join(lines))]
+    except ValueError as error:
+        raise Damaged(path, str(error)) from None
+    found = {report["run_id"]: report for report in reports}
+    if missing := told["runs"].keys() - found.keys():
+        raise Damaged(path, f"tells nothing of {min(missing)}")
+    return found
 
 
 def contents(entry: Path) -> dict[str, Any]:
     """What an entry tells of itself: a run's report, a pack's members and files. Raises Damaged."""
-    path = entry / (MEMBERS if pack_number(entry) else RUN)
+    name, form = (MEMBERS, forms.Pack) if pack_number(entry) else (RUN, forms.Run)
+    path = entry / name
+    if not path.is_file():
+        raise Damaged(path, "missing")
     try:
-        data = seal.unseal(path.read_bytes())
-    except (FileNotFoundError, NotADirectoryError):
+        return forms.check(form, seal.unseal(path.read_bytes()))
+    except FileNotFoundError:  # another sweep has just packed it
         raise Damaged(path, "missing") from None
     except ValueError as error:
         raise Damaged(path, str(error)) from None
-    if missing := KEYS[path.name] - data.keys():
-        raise Damaged(path, f"tells nothing of {', '.join(sorted(missing))}")
-    return data
 
 
 def faults(entry: Path) -> Iterator[tuple[Path, str]]:
@@ -219,7 +224,6 @@ def discard(entry: Path) -> None:
 def provenance(folder: Path) -> dict[str, Any]:
     """What is known of the last sweep into the folder; empty when nothing is."""
     try:
-        found = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError, RecursionError):
+        return forms.check(forms.Provenance, forms.parse((folder / PROVENANCE).read_bytes()))
+    except (FileNotFoundError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}

@@ -8,8 +8,6 @@ H5MD's own `unit` is present MDAnalysis wants to convert it, and stops on metres
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -19,7 +17,7 @@ import numpy as np
 
 from runner import store
 from runner.disk import Disk
-from runner.errors import Damaged
+from runner.errors import Damaged, one_line
 from runner.result import Result
 
 if TYPE_CHECKING:
@@ -87,20 +85,26 @@ def join(files: dict[str, Path], path: Path) -> None:
                 packed.copy(one["/"], packed, name=run_id)
 
 
-@contextmanager
-def read(entry: Path, run_id: str) -> Iterator[h5py.Group]:
-    """What the run's file holds, in a folder of its own or packed. Raises Damaged where it cannot be read."""
+def read(entry: Path, run_id: str, element: str) -> tuple[np.ndarray, np.ndarray]:
+    """Time (frames,) and value (frames, ...) of an `element` of the run's file, in a folder of its own or packed.
+
+    Raises Damaged where the file cannot be read, or holds something else there.
+    """
     import h5py
 
     packed = store.pack_number(entry)
     path = entry / (PACKED if packed else FILE)
     try:
         with h5py.File(path) as file:
-            yield file[run_id] if packed else file
+            tree = file[run_id] if packed else file
+            time, value = (np.array(tree[f"{element}/{name}"], dtype=float) for name in ("time", "value"))
     except FileNotFoundError:
         raise Damaged(path, "missing") from None
-    except (OSError, KeyError, RuntimeError) as error:
-        raise Damaged(path, f"cannot be read: {error}".replace("\n", " ")) from None
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise Damaged(path, one_line(f"cannot be read: {error}")) from None
+    if time.ndim != 1 or value.shape[:1] != time.shape:
+        raise Damaged(path, f"holds no times with a value each at {element}")
+    return time, value
 
 
 def _numbers(result: Result) -> Numbers:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runner.errors import Damaged, one_line
 from runner.result import Result
 from sim.model import Mesh
 
@@ -63,12 +64,15 @@ def join(files: dict[str, Path], path: Path) -> None:
 
 
 def take(packed: Path, run_id: str, path: Path) -> None:
-    """Write the run's recording out of the file `packed` to the new file `path`."""
+    """Write the run's recording out of the file `packed` to the new file `path`. Raises Damaged where it holds none."""
     from rerun.chunk import RrdReader
 
-    reader = RrdReader(packed)
-    (store,) = (each for each in reader.recordings() if each.recording_id == run_id)
-    reader.store(store=store).write_rrd(path, application_id=APPLICATION, recording_id=run_id)
+    try:
+        reader = RrdReader(packed)
+        (store,) = (each for each in reader.recordings() if each.recording_id == run_id)
+        reader.store(store=store).write_rrd(path, application_id=APPLICATION, recording_id=run_id)
+    except (RuntimeError, ValueError) as error:
+        raise Damaged(packed, one_line(f"holds no recording of {run_id}: {error}")) from None
 
 
 _drawn: dict[tuple, list[Chunk]] = {}  # the scene drawn last by its content: that of most runs of a sweep
