@@ -48,7 +48,7 @@ def piece(curve, s, end, off):
     The rest of the curve, if it is curved along one axis at most, as paths are; else a chord.
     """
     k = curve[2]
-    if (k[0] != 0.0) + (k[1] != 0.0) + (k[2] != 0.0) <= 1:
+    if int(k[0] != 0.0) + int(k[1] != 0.0) + int(k[2] != 0.0) <= 1:  # numpy would add truths up to one
         return end - s, (point(curve, s), slope(curve, s), k), 0.0
     return chord(curve, s, end, off)
 
