@@ -28,21 +28,23 @@ def free_time(features, search, x, v, push, radius, look):
     than `look` (m) around."""
     slack = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]))
     if len(features.tree.items) == 0:
-        return among(features, search.found, len(search.found), x, v, push, slack)
+        return among(features, search.found, len(search.found), x, v, True, push, slack)
     always, still = features.everywhere, (0.0, 0.0, 0.0)
-    soonest = min(stride(look, -norm(v), push, 0.0), among(features, search.found, always, x, v, push, slack))
+    soonest = min(stride(look, -norm(v), push, 0.0), among(features, search.found, always, x, v, True, push, slack))
+    # the tree leaves out what is not nearest, though the ball may be on its way there: so all that counts is how near
     count = along(features.tree, (x, still, still), 0.0, radius + look, 0.0, search, always)
-    return min(soonest, among(features, search.found[always:], count - always, x, v, push, slack))
+    return min(soonest, among(features, search.found[always:], count - always, x, v, False, push, slack))
 
 
-def among(features, found, near, x, v, push, slack):
-    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m); from a face's whole plane."""
+def among(features, found, near, x, v, all_, push, slack):
+    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m); from a face's whole plane, and
+    if these are `all_` there are by how fast the ball comes toward that."""
     n, soonest, speed = len(features.faces), np.inf, norm(v)
     for c in range(near):
         i = found[c]
         if i < n:
             gap, rise = height(features.faces, i, x), dot(vector(features.faces, i, NORMAL), v)
-            gap, rise = (gap, rise) if gap > 0.0 else (-gap, -rise)
+            gap, rise = abs(gap), (rise if gap > 0.0 else -rise) if all_ else -speed
         else:
             gap, rise = norm(from_edge(features.edges, i - n, x)), -speed
         soonest = min(soonest, stride(gap * (1.0 - SURE) - slack, rise, push, 0.0) if gap > slack else 0.0)
