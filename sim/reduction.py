@@ -126,6 +126,7 @@ def _tree(faces: Faces, edges: Edges, low: np.ndarray, high: np.ndarray, everywh
     margin *= 8 * EDGE
     low -= margin[:, None]
     high += margin[:, None]
+    del margin, end  # of a million triangles, tens of megabytes
     tree = build(low, high, _planes(faces, edges)[everywhere:])
     tree.items[:] += everywhere
     return tree
@@ -207,6 +208,7 @@ def _surface(shape, number: int, starts: np.ndarray, reduce: bool, edges: bool) 
         known = alike[out] & (np.abs(rise[out]) > whole.rounding)
         outward[open_:][known] = edge_normals(wound[one[out][known] // 3], wound[other[out][known] // 3], rise[out][known] < 0)
         cones = corner_cones(whole, wound, strange)
+        del wound, rise, known
         lines, corners = _edges(whole, kept, sign[kept // 3] < 0, face[kept // 3], beyond, outward, cones, number, reduce)
     reduction = Reduction(
         triangles=len(mesh.triangles),
