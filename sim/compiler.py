@@ -7,8 +7,14 @@ is for them to optimise; one that stays apart is machine code of its own, which 
 
 from types import SimpleNamespace
 
+from llvmlite import ir
+from numba.core import cgutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.extending import intrinsic
+from numba.np import arrayobj
+
+READ, KEEP, DATA = 0, 3, 1  # what llvm.prefetch is told: to read it, to keep it in all caches, and that it is no code
 
 
 class MeltedCode(JITCodeLibrary):
@@ -31,7 +37,22 @@ class CodeApart(JITCodeLibrary):
         self._shared_module = JITCodeLibrary(self._codegen, self.name)._final_module  # empty
 
 
-class Melt(Compiler):
+class Plain(Compiler):
+    """Compiles a function in which an index below zero is none: numba would look at each whether it counts from the end."""
+
+    def _compile_bytecode(self):
+        fix, arrayobj.fix_integer_index = arrayobj.fix_integer_index, as_it_is
+        try:
+            return super()._compile_bytecode()
+        finally:
+            arrayobj.fix_integer_index = fix
+
+
+def as_it_is(context, builder, kind, index, size):
+    return context.cast(builder, index, kind, types.intp)
+
+
+class Melt(Plain):
     """Compiles a function that vanishes into its callers."""
 
     code = MeltedCode
@@ -48,3 +69,21 @@ class SetApart(Melt):
     """Compiles a function that stays one of its own."""
 
     code = CodeApart
+
+
+@intrinsic
+def prefetch(typing, array, row):
+    """`sim.prefetch.prefetch` as the processor's instruction."""
+
+    def lower(context, builder, signature, arguments):
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        array = arrayobj.make_array(signature.args[0])(context, builder, arguments[0])
+        offset = builder.mul(arguments[1], builder.extract_value(array.strides, 0))
+        place = builder.gep(builder.bitcast(array.data, byte), [offset])
+        fetch = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(ir.VoidType(), [byte, number, number, number]), "llvm.prefetch.p0i8"
+        )
+        builder.call(fetch, [place, number(READ), number(KEEP), number(DATA)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), lower

@@ -7,7 +7,7 @@ and c the cosine of the ray to its normal, the hit is at s = (D - r)/c along the
 
 import numpy as np
 
-from sim.packed import NORMAL, SIDES, SURFACE, ahead, covers, height, vector
+from sim.packed import NORMAL, SIDES, ahead, covers, height, surface_of, vector
 from sim.vector import axpy, dot, scale, sub
 
 MISS = -1
@@ -50,7 +50,7 @@ def first_hit(features, x, v, radius, h, search):
             continue
         s = hit_distance(faces, features.outline, f, x, heading, radius, nearest)
         # the first surface wins a tie, and in it the lowest number, whatever the order of the tree
-        if s >= 0.0 and (best == MISS or s < nearest or (faces[f, SURFACE], f) < (faces[best, SURFACE], best)):
+        if s >= 0.0 and (best == MISS or s < nearest or (surface_of(features, f), f) < (surface_of(features, best), best)):
             best, nearest = f, s
     return best, nearest
 

@@ -13,7 +13,7 @@ from sim.lanes import LANES, lane, put
 from sim.log import note
 from sim.model import FASTEST
 from sim.motion import motion
-from sim.packed import SIDES, SURFACE, facing, height
+from sim.packed import SIDES, facing, height, surface_of
 from sim.penetration import count_passed
 from sim.rest import STILL, comes_to_rest, no_contacts
 from sim.state import AGE, COUNT, CROSSED, END, FRAME, LEFT, LOST, RELEASED, STEPS, WORK, X, count_event, fill, work_done
@@ -62,7 +62,7 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
         for i in range(LANES):
             if lanes[THROUGH + i] > 0.0:
                 curve = flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover.pull, 0.0, 0.0)
-                states[int(lanes[BALL + i]), CROSSED] += count_passed(curve, features, search, body.radius, lanes[LEAST + i], 0)
+                states[int(lanes[BALL + i]), CROSSED] += count_passed(curve, features, search, body.radius, lanes[LEAST + i], NONE)
         for j in range(6 * LANES):
             lanes[PLACE + j] = lanes[PLACE1 + j]
     for i in range(LANES):
@@ -143,7 +143,7 @@ def bounce(states, first, lanes, i, blur, body, mover, features, record, log, ro
     s[LOST] += lost
     s[STEPS] += 1.0
     s[AGE], s[FRAME] = age, frame
-    note(log, row, s[RELEASED] + age, first + ball, features.faces[f, SURFACE], x1, normal, vn, np.sqrt(squared), lost)
+    note(log, row, s[RELEASED] + age, first + ball, surface_of(features, f), x1, normal, vn, np.sqrt(squared), lost)
     put(lanes, PLACE1, i, x1)
     put(lanes, SPEED1, i, v2)
     lanes[LIMIT + i] = s[END] - age

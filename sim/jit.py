@@ -16,6 +16,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from sim.prefetch import prefetch
+
 
 @cache
 def numba():
@@ -51,6 +53,10 @@ def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
 
 @cache
 def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = True) -> Callable:
+    if compiled and function is prefetch:
+        from sim import compiler
+
+        return compiler.prefetch
     bound, globals_ = dict(names), dict(function.__globals__)
     for name in function.__code__.co_names:
         value = bound.get(name, globals_.get(name))
@@ -67,10 +73,10 @@ def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = Tru
     rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
     # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do.
     njit = partial(numba().njit, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)
-    if not inner:
-        return njit(cache=True)(rebuilt)
-    from sim.compiler import Melt, SetApart
+    from sim.compiler import Melt, Plain, SetApart
 
+    if not inner:
+        return njit(cache=True, pipeline_class=Plain)(rebuilt)
     njit = partial(njit, no_cpython_wrapper=True)
     if _melts(function):
         return _widened(njit(forceinline=True, pipeline_class=Melt)(rebuilt))

@@ -10,8 +10,9 @@ from sim.geometry import EDGE, Features
 from sim.tree import Tree, along
 from sim.vector import axpy, dot, norm, scale, sub
 
-# Columns of a face. Its outline is the rows FIRST to LAST - 1 of `outline`; none: it is unbounded.
-POINT, NORMAL, SIDES, AXIS, FIRST, LAST, SURFACE, FACE_WIDTH = 0, 3, 6, 7, 8, 9, 10, 11
+# Columns of a face, one line of the processor's cache; and of the first row of its outline, of which the segments follow.
+POINT, NORMAL, SIDES, OUTLINE, FACE_WIDTH = 0, 3, 6, 7, 8
+AXIS, LAST, SURFACE, OUTLINE_WIDTH = 0, 1, 2, 4
 # Columns of an edge.
 START, ALONG, LENGTH, OF, EDGE_WIDTH = 0, 3, 6, 7, 8
 
@@ -19,9 +20,9 @@ START, ALONG, LENGTH, OF, EDGE_WIDTH = 0, 3, 6, 7, 8
 class Packed(NamedTuple):
     """All that a ball can touch, numbered through: n faces, then m edges."""
 
-    faces: np.ndarray  # (n, FACE_WIDTH) a point of its plane in m, its unit normal, 1 or 2 sides to touch, the
-    # coordinate in which the normal is largest, its rows of the outline, the number of its surface
-    outline: np.ndarray  # (k, 4) m, segments u0, v0, u1, v1 in the two coordinates after AXIS in cyclic order
+    faces: np.ndarray  # (n, FACE_WIDTH) a point of its plane in m, its unit normal, 1 or 2 sides to touch, the first row of its outline
+    outline: np.ndarray  # (k, OUTLINE_WIDTH) of each face the coordinate in which its normal is largest, the row after its last one, the
+    # number of its surface; then segments u0, v0, u1, v1 in m, in the two coordinates after AXIS in cyclic order; none: it is unbounded
     edges: np.ndarray  # (m, EDGE_WIDTH) its start in m, its unit vector, its length in m, the number of its surface
     tree: Tree  # over the boxes of all that is bounded; empty where there is little
     everywhere: int  # so many faces, the first ones, are unbounded: in no tree, looked at always
@@ -30,13 +31,24 @@ class Packed(NamedTuple):
 def pack(features: Features) -> Packed:
     """The features, in their order."""
     f, e = features.faces, features.edges
-    faces, edges = np.empty((len(f.surface), FACE_WIDTH)), np.empty((len(e.surface), EDGE_WIDTH))
+    n, count = len(f.surface), np.diff(f.first)
+    faces, edges = aligned(n, FACE_WIDTH), aligned(len(e.surface), EDGE_WIDTH)
+    outline, head = aligned(n + len(f.outline), OUTLINE_WIDTH), f.first[:-1] + np.arange(n)
     faces[:, POINT : POINT + 3], faces[:, NORMAL : NORMAL + 3] = f.point, f.normal
-    faces[:, SIDES], faces[:, AXIS], faces[:, SURFACE] = 1.0 + f.two_sided, f.axis, f.surface
-    faces[:, FIRST], faces[:, LAST] = f.first[:-1], f.first[1:]
+    faces[:, SIDES], faces[:, OUTLINE] = 1.0 + f.two_sided, head
+    outline[np.arange(len(f.outline)) + np.repeat(np.arange(n) + 1, count)] = f.outline
+    outline[head, AXIS], outline[head, LAST], outline[head, SURFACE] = f.axis, head + 1 + count, f.surface
     edges[:, START : START + 3], edges[:, ALONG : ALONG + 3] = e.start, e.along
     edges[:, LENGTH], edges[:, OF] = e.length, e.surface
-    return Packed(faces, f.outline, edges, features.tree, features.everywhere)
+    return Packed(faces, outline, edges, features.tree, features.everywhere)
+
+
+def aligned(rows: int, columns: int) -> np.ndarray:
+    """An empty array (rows, columns) of numbers that begins with a line of the processor's cache."""
+    line, size = 64, 8 * rows * columns
+    raw = np.empty(size + line, np.uint8)
+    first = -raw.ctypes.data % line
+    return raw[first : first + size].view(float).reshape(rows, columns)
 
 
 def vector(rows, i, column):
@@ -49,15 +61,27 @@ def height(faces, f, x):
     return dot(vector(faces, f, NORMAL), sub(x, vector(faces, f, POINT)))
 
 
+def segments(faces, outline, f):
+    """The rows of the outline of face f that are segments: the first, and the one after the last."""
+    head = int(faces[f, OUTLINE])
+    return head + 1, int(outline[head, LAST])
+
+
+def axis_of(faces, outline, f):
+    """The coordinate in which the normal of face f is largest."""
+    return outline[int(faces[f, OUTLINE]), AXIS]
+
+
 def covers(faces, outline, f, x):
     """Whether face f covers the point x of its plane: x is inside its outline, or beside it by rounding only.
 
     Inside is where a ray along u crosses the outline an odd number of times. A segment holds its lower end, not its upper,
     so that a ray through a corner counts it once.
     """
-    first, last, axis = int(faces[f, FIRST]), int(faces[f, LAST]), faces[f, AXIS]
+    first, last = segments(faces, outline, f)
     if first == last:
         return True
+    axis = axis_of(faces, outline, f)
     u, v = (x[1], x[2]) if axis == 0.0 else ((x[2], x[0]) if axis == 1.0 else (x[0], x[1]))
     near, inside = EDGE * (abs(x[0]) + abs(x[1]) + abs(x[2])), False
     for k in range(first, last):
@@ -105,4 +129,6 @@ def facing(features, item, x):
 def surface_of(features, item):
     """The number of the surface that a feature belongs to."""
     n = len(features.faces)
-    return features.faces[item, SURFACE] if item < n else features.edges[item - n, OF]
+    if item >= n:
+        return features.edges[item - n, OF]
+    return features.outline[int(features.faces[item, OUTLINE]), SURFACE]

@@ -4,7 +4,7 @@ import numpy as np
 
 from sim.curves.parabola import fall, piece, point  # bound to the curve's own before they are compiled
 from sim.packed import NORMAL, POINT, SIDES, vector
-from sim.touch import lands, plane_gap
+from sim.touch import NONE, lands, plane_gap
 from sim.tree import along
 from sim.vector import dot, sub
 
@@ -14,11 +14,11 @@ WIDE = 64.0  # radii that the curve may be off its path: few faces are between t
 def count_passed(curve, features, search, radius, end, near):
     """How many faces the centre gets behind in the time `end` (s) along the curve, through them and not around them.
 
-    The first `near` of what `search` has found are all that it comes near; with 0 that is found here.
+    The first `near` of what `search` has found are all that it comes near; with NONE that is found here.
     """
     x1 = point(curve, end)
-    if len(features.tree.items) == 0 or near > 0:
-        near = near if near > 0 else len(search.found)
+    if len(features.tree.items) == 0 or near != NONE:
+        near = near if near != NONE else len(search.found)
         return count_among(curve, features.faces, features.outline, search.found, near, x1, end)
     always = features.everywhere
     count = count_among(curve, features.faces, features.outline, search.found, always, x1, end)

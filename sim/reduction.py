@@ -129,6 +129,7 @@ def _tree(faces: Faces, edges: Edges, low: np.ndarray, high: np.ndarray, everywh
     del margin, end  # of a million triangles, tens of megabytes
     tree = build(low, high, _planes(faces, edges)[everywhere:])
     tree.items[:] += everywhere
+    tree.ranks[:, :2] += everywhere
     return tree
 
 

@@ -13,17 +13,16 @@ from sim.curves.parabola import fall, point, project, slope, start  # bound to t
 from sim.motion import acceleration, lying_on
 from sim.packed import (
     ALONG,
-    AXIS,
-    FIRST,
-    LAST,
     LENGTH,
     NORMAL,
     POINT,
     START,
     across_edge,
+    axis_of,
     covers,
     facing,
     from_edge,
+    segments,
     vector,
 )
 from sim.rest import PARALLEL, TOUCHING, add, no_contacts, parallel, replaced, tangent, without
@@ -47,7 +46,8 @@ def slides_off(curve, features, contacts, radius, end):
         if f >= len(faces):
             continue
         foot = scale(radius, contacts.normals[k])
-        for o in range(int(faces[f, FIRST]), int(faces[f, LAST])):
+        first, last = segments(faces, features.outline, f)
+        for o in range(first, last):
             s = passes_out(curve, faces, features.outline, f, o, foot, soonest)
             if s < soonest or (s == soonest and which == NONE):
                 which, soonest = k, s
@@ -56,7 +56,7 @@ def slides_off(curve, features, contacts, radius, end):
 
 def passes_out(curve, faces, outline, f, o, foot, end):
     """When (s) the foot of a ball, `foot` (m) below its centre, passes out of face f over segment o of the outline, or inf."""
-    a, b = corner(faces, f, outline[o, 0], outline[o, 1]), corner(faces, f, outline[o, 2], outline[o, 3])
+    a, b = corner(faces, outline, f, outline[o, 0], outline[o, 1]), corner(faces, outline, f, outline[o, 2], outline[o, 3])
     side = sub(b, a)
     length = norm(side)
     if length == 0.0:
@@ -77,9 +77,9 @@ def passes_out(curve, faces, outline, f, o, foot, end):
     return np.inf
 
 
-def corner(faces, f, u, v):
+def corner(faces, outline, f, u, v):
     """The point (m) of face f with the outline's coordinates u and v."""
-    n, p, axis = vector(faces, f, NORMAL), vector(faces, f, POINT), faces[f, AXIS]
+    n, p, axis = vector(faces, f, NORMAL), vector(faces, f, POINT), axis_of(faces, outline, f)
     if axis == 0.0:
         return p[0] - (n[1] * (u - p[1]) + n[2] * (v - p[2])) / n[0], u, v
     if axis == 1.0:

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from sim.prefetch import prefetch
 from sim.curves.majorant import MOST, polish, stride
 
 # bound to the curve's own before they are compiled
 from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
 from sim.curves.stays_off import stays_off
-from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
+from sim.packed import ALONG, LENGTH, NORMAL, OUTLINE, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.tree import cast, enter, onward
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
 
@@ -38,7 +39,7 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     Of those touched at the same time a face comes before an edge, then the lowest number. What the ball lies on, by its
     `contacts`, is not looked at, and the face `left`, which it has just slid off, is not touched at once.
 
-    Third comes how many of `search.found` are all that the ball comes near until then; 0 where they are not kept.
+    Third comes how many of `search.found` are all that the ball comes near until then; NONE where they are not kept.
     """
     tree = features.tree
     few = len(tree.items) == 0
@@ -50,16 +51,32 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     while s < best:
         length, path, margin = piece(curve, s, best, OFF * radius)
         ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
-        top = enter(tree, search)
-        count = always
-        while top > 0:
+        top, done, count = enter(tree, search), always, always
+        while top > 0 or done < count:
             first = count
-            top, count = onward(tree, ray, min(length, best - s), search, top, first)
-            item, best = earliest(curve, features, search, first, count, radius, s, s + length, item, best, contacts, left)
+            if top > 0:  # those found before are looked at while the next are on their way into the cache
+                top, count = onward(tree, ray, min(length, best - s), search, top, first)
+                announce(features, search.found, first, count)
+            item, best = earliest(curve, features, search, done, first, radius, s, s + length, item, best, contacts, left)
+            done = first
         if s > 0.0:
-            count = 0
+            count = NONE
         s += length
     return item, best if item != NONE else np.inf, count
+
+
+def announce(features, found, first, last):
+    """Have the features in places `first` to `last` - 1 brought into the cache, and the outlines of faces, if all are as long."""
+    n = len(features.faces)
+    rows = len(features.outline) // max(n, 1)
+    for c in range(first, last):
+        i = found[c]
+        if i < n:
+            prefetch(features.faces, i)
+            for k in range(0, 4, 2):
+                prefetch(features.outline, i * rows + k)
+        else:
+            prefetch(features.edges, i - n)
 
 
 def earliest(curve, features, search, first, last, radius, begin, end, item, best, contacts, left):

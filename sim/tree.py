@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.prefetch import prefetch
+
 WIDE = 16  # boxes in a group
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
 TINY, HUGE = 1e-30, 1e30
@@ -26,7 +28,8 @@ FACE, ANY = np.float32(0.0), np.float32(2.0)
 class Tree(NamedTuple):
     box: np.ndarray  # (groups, 6, WIDE) float32 m, lower and upper corners, rounded outward; (inf, -inf) where there is none
     plane: np.ndarray  # (lowest groups, 5, WIDE) float32, of the items, as `build` gets them
-    items: np.ndarray  # (boxes,) the boxes in the order of the lowest groups; none: no tree
+    items: np.ndarray  # (boxes,) the boxes in the order of the lowest groups, faces first in each; none: no tree
+    ranks: np.ndarray  # (lowest groups, 3) int32, the rank of its first face, of its first other box, and how many are faces
     level: np.ndarray  # (levels + 1,) number of the first group on each level, the lowest first
     extent: float  # m, the largest coordinate of all boxes
 
@@ -35,12 +38,19 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
     """The tree over bounded boxes with corners `low` and `high` (n, 3) m of flat items in the planes (n, 5): a unit normal, its offset
     (m) from the origin, and FACE, or for an edge the sine of the largest angle to the normal at which a ball touches it.
 
-    Without `plane` a box is all that is known of an item.
+    Without `plane` a box is all that is known of an item. Its rank is its number in the order of the tree, all faces before all
+    others: within a group ranks go up one by one, which spares searches to look into `items`.
     """
     n = len(low)
     if n == 0:
-        return Tree(*(np.zeros((0, k, WIDE), np.float32) for k in (6, 5)), np.zeros(0, np.int64), np.zeros(1, np.int64), 0.0)
+        none = [np.zeros((0, k, WIDE), np.float32) for k in (6, 5)]
+        return Tree(*none, np.zeros(0, np.int64), np.zeros((0, 3), np.int32), np.zeros(1, np.int64), 0.0)
     order = halved(low, high)
+    is_face = plane[order, 4] == FACE if plane is not None else np.zeros(n, bool)
+    order = order[np.lexsort((~is_face, np.arange(n) // WIDE))]
+    faces = np.add.reduceat(is_face, np.arange(0, n, WIDE), dtype=np.int32)
+    before = np.cumsum(faces) - faces
+    ranks = np.stack([before, faces.sum() + WIDE * np.arange(len(faces)) - before, faces], axis=1).astype(np.int32)
     sizes = [-(-n // WIDE)]
     while sizes[-1] > 1:
         sizes.append(-(-sizes[-1] // WIDE))
@@ -58,7 +68,7 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
     if plane is not None:
         for k in range(5):
             planes[:, k] = grouped(plane[order, k], sizes[0], 0.0)
-    return Tree(box, planes, order, level, float(max(np.abs(low).max(), np.abs(high).max())))
+    return Tree(box, planes, order, ranks, level, float(max(np.abs(low).max(), np.abs(high).max())))
 
 
 def halved(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -126,7 +136,7 @@ def along(tree, path, reach, radius, margin, search, first):
     """Find the items that a ball of `radius` (m) no farther than `margin` (m) from the path may touch in the time `reach` (s), see
     `cast`.
 
-    They are written into `search.found` from place `first` on; returns the place after them. Without a tree nothing is done,
+    Their ranks are written into `search.found` from place `first` on; returns the place after them. Without a tree nothing is done,
     and all of `found` counts.
     """
     if len(tree.items) == 0:
@@ -146,7 +156,7 @@ def enter(tree, search):
 def onward(tree, ray, reach, search, top, first):
     """Walk on to the next group with items that the ray may meet within `reach` (s), roughly in order of time.
 
-    They are written into `search.found` from place `first` on, with the times between which it may be there. Returns how many
+    Their ranks are written into `search.found` from place `first` on, with the times between which it may be there. Returns how many
     groups are left on the stack, none at the end, and the place after the items.
     """
     found, since, until, stack, waits, stay = search
@@ -164,7 +174,7 @@ def onward(tree, ray, reach, search, top, first):
             if near > far:
                 continue
             if depth == 0:
-                found[last], since[last], until[last] = tree.items[child], near, far
+                found[last], since[last], until[last] = rank(tree, group, c), near, far
                 last += 1
                 continue
             place = top
@@ -173,10 +183,26 @@ def onward(tree, ray, reach, search, top, first):
                 waits[place] = waits[place - 1]
                 place -= 1
             stack[2 * place], stack[2 * place + 1], waits[place] = depth - 1, child, near
+            announce(tree, depth - 1, child)
             top += 1
         if last > first:
             return top, last
     return 0, first
+
+
+def announce(tree, depth, group):
+    """Have a group that will be looked at brought into the cache."""
+    for k in range(6):
+        prefetch(tree.box[tree.level[depth] + group], k)
+    if depth == 0:
+        for k in range(5):
+            prefetch(tree.plane[group], k)
+
+
+def rank(tree, group, c):
+    """The rank of the box at place c of the lowest group `group`."""
+    faces = tree.ranks[group, 2]
+    return tree.ranks[group, 0] + c if c < faces else tree.ranks[group, 1] + c - faces
 
 
 class Ray(NamedTuple):
@@ -238,26 +264,26 @@ def meet(box, g, ray, reach, stay):
     """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
     i, j, last = ray.axes
     beside = ray.radius + ray.slack
-    for c in range(box.shape[2]):  # of no length known in advance and with one array written: so it becomes vector instructions
-        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
-        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
-        stay[c], stay[WIDE + c] = near * EARLY, far * LATE
     x, v, k = ray.x[2], ray.v[2], ray.k
     if k == NONE:
-        for c in range(box.shape[2]):
-            near, far = within(box[g, last, c], box[g, last + 3, c], x, ray.inverse[2], beside, stay[c], stay[WIDE + c])
+        for c in range(box.shape[2]):  # of no length known in advance and with one array written: so it becomes vector instructions
+            near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
+            near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
+            near, far = within(box[g, last, c], box[g, last + 3, c], x, ray.inverse[2], beside, near * EARLY, far * LATE)
             stay[c], stay[WIDE + c] = near * EARLY, far * LATE
         return
-    turn, beside = -v / k, beside + ray.fuzz
+    turn, above = -v / k, beside + ray.fuzz
     peak = x + HALF * v * turn
     for c in range(box.shape[2]):
-        near, far = stay[c], stay[WIDE + c]
+        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
+        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
+        near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
         turns = (near < turn) & (turn < far)
         least, most = min(a, b), max(a, b)
         least, most = min(least, peak) if turns else least, max(most, peak) if turns else most
-        misses = (least > box[g, last + 3, c] + beside) | (most < box[g, last, c] - beside)
-        stay[WIDE + c] = NEVER if misses else far
+        misses = (least > box[g, last + 3, c] + above) | (most < box[g, last, c] - above)
+        stay[c], stay[WIDE + c] = near, NEVER if misses else far
 
 
 def within(low, high, x, inverse, beside, near, far):

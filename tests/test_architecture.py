@@ -36,7 +36,7 @@ def test_there_is_something_to_look_at():
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_sim_imports_numpy_and_itself(source):
-    allowed = ALLOWED | ({"numba"} if source.name in ("jit.py", "compiler.py") else set())
+    allowed = ALLOWED | ({"numba", "llvmlite"} if source.name in ("jit.py", "compiler.py") else set())
     for name in imports(parse(source)):
         top = name.split(".")[0]
         assert top in allowed or top in sys.stdlib_module_names - BARRED, name

@@ -16,7 +16,7 @@ import numpy as np
 from mpmath import MPContext
 
 from sim.geometry import EDGE
-from sim.packed import ALONG, AXIS, FIRST, LAST, LENGTH, NORMAL, POINT, SIDES, START
+from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, axis_of, segments
 
 EXACT, MANY = MPContext(), MPContext()
 EXACT.prec = 20_000  # more than a sum of products of floats ever needs; what it does not need costs nothing
@@ -43,7 +43,8 @@ def size_of(packed, x, radius) -> float:
 
 def inside(packed, f, x) -> tuple[bool, bool]:
     """Whether a point of the plane of face f is in its outline or on it; and whether it is so, or beside it by rounding only."""
-    first, last, axis = (int(packed.faces[f, column]) for column in (FIRST, LAST, AXIS))
+    first, last = segments(packed.faces, packed.outline, f)
+    axis = int(axis_of(packed.faces, packed.outline, f))
     u, v = x[(axis + 1) % 3], x[(axis + 2) % 3]
     odd, close, near = first == last, first == last, 4 * EDGE * sum(abs(float(c)) for c in x)
     for u0, v0, u1, v1 in packed.outline[first:last].tolist():

@@ -15,7 +15,7 @@ from sim import jit
 from sim.curves import majorant
 from sim.curves.oscillation import response
 from sim.engines import CURVE
-from sim.packed import ALONG, AXIS, FIRST, LAST, LENGTH, NORMAL, POINT, SIDES, START, Packed, covers, pack
+from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, Packed, axis_of, covers, pack, segments
 from sim.reduction import NO_ROWS, features
 from sim.rest import no_contacts
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
@@ -139,11 +139,12 @@ def spot(rng, packed, edge=None, share=None):
     if edge is None:
         edge = rng.integers(n + m) >= n
     if not edge or m == 0:
-        row = packed.faces[rng.integers(n)]
-        point, normal, first, last = row[POINT : POINT + 3], row[NORMAL : NORMAL + 3], int(row[FIRST]), int(row[LAST])
+        f = rng.integers(n)
+        row, (first, last) = packed.faces[f], segments(packed.faces, packed.outline, f)
+        point, normal = row[POINT : POINT + 3], row[NORMAL : NORMAL + 3]
         place, side = point + rng.uniform(-1, 1) * across(rng, normal), rng.choice([-1, 1]) if row[SIDES] > 1 else 1
         if first < last:
-            a, b, c = (int(row[AXIS]) + k for k in (0, 1, 2))
+            a, b, c = (int(axis_of(packed.faces, packed.outline, f)) + k for k in (0, 1, 2))
             place[[b % 3, c % 3]] = rng.dirichlet(np.ones(last - first)) @ packed.outline[first:last, :2]
             place[a] -= normal @ (place - point) / normal[a]
         return place, side * normal
