@@ -1,33 +1,58 @@
 """Hops from face to face, many balls side by side: nearly all that the exact solver does in a scene of a few faces.
 
 A hop is a flight under a constant acceleration that ends with a plain impact on a face. `fly` of `sim.travel` would take a ball
-over it in the same way, bit for bit; here vector instructions look for the touches of all balls at once. Whatever is not plain,
-say a ball that may come to rest, or the end of its flight, is left to `fly`.
+over it in the same way, bit for bit; here vector instructions look for the touches of all balls at once, and reckon what comes of
+them. Whatever is not plain, say a ball that may come to rest, or the end of its flight, is left to `fly`.
 """
 
 import numpy as np
 
-from sim.curves.parabola import flight, point, slope
+from sim.curves.parabola import fall_straight, flight, point, slope
 from sim.impact import energy_lost, rebound
 from sim.lanes import LANES, lane, put
 from sim.log import note
 from sim.model import FASTEST
 from sim.motion import motion
-from sim.packed import SIDES, facing, height, surface_of
-from sim.penetration import count_passed
+from sim.packed import NORMAL, POINT, SIDES, height, surface_of, vector
 from sim.rest import STILL, comes_to_rest, no_contacts
-from sim.state import AGE, COUNT, CROSSED, END, FRAME, LEFT, LOST, RELEASED, STEPS, WORK, X, count_event, fill, work_done
-from sim.touch import NONE, first_fall, lands, plane_gap
-from sim.vector import dot
+from sim.state import (
+    AGE,
+    COUNT,
+    END,
+    EVENTS,
+    FRAME,
+    LEFT,
+    LOST,
+    MOST_EVENTS,
+    RELEASED,
+    SINCE,
+    STEPS,
+    WORK,
+    V,
+    X,
+    fill,
+    steady_work,
+)
+from sim.touch import NONE, first_fall, lands
+from sim.vector import dot, gap, gap_along, scale
 
-# Rows of the lanes, as in `sim.lanes`.
-PLACE, SPEED, PLACE1, SPEED1 = 0 * LANES, 3 * LANES, 6 * LANES, 9 * LANES  # m, m/s; 1: at the end of the hop
-BALL = 12 * LANES  # its row of the states
-LIMIT = 13 * LANES  # s, to the end of the flight; -1 in a lane without a ball
-LEAST = 14 * LANES  # s, to the first touch
-HIT = 15 * LANES  # the face touched
-THROUGH = 16 * LANES  # 1 where the centre gets behind a face
-ROWS = 17
+# Rows of the lanes, as in `sim.lanes`. First the state, then where the hop leads, in the same order.
+PLACE, SPEED = 0 * LANES, 3 * LANES  # m, m/s
+CLOCK = 6 * LANES  # s, age
+WORKED, GONE = 7 * LANES, 8 * LANES  # J, done on the ball and lost at impacts since its release
+COUNTED, COUNTED_FROM = 9 * LANES, 10 * LANES  # events since that age (s)
+KEPT = 11 * LANES  # all of these
+ENDS = 2 * KEPT  # s, age at the end of the flight; below 0 in a lane without a ball
+BALL = ENDS + LANES  # its row of the states; NONE in a lane without a ball
+BORN = BALL + LANES  # s, of its release
+DUE = BORN + LANES  # s, age at the next frame
+TAKEN = DUE + LANES  # hops since it came into the lane
+LEAST, HIT = TAKEN + LANES, TAKEN + 2 * LANES  # s, to the first touch, and the face touched
+NORMALS = HIT + LANES  # of that, from the surface to the ball
+INTO, PAST = NORMALS + 3 * LANES, NORMALS + 4 * LANES  # m/s, normal and tangential speed of the impact
+LOSS = PAST + LANES  # J, at the impact
+PLAIN = LOSS + LANES  # 1 where the hop is plain
+ROWS = PLAIN // LANES + 1
 
 
 def hop_room() -> np.ndarray:
@@ -42,29 +67,31 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
     """
     still = (0.0, 0.0, 0.0)
     mover = motion(0.0, still, still, forces, no_contacts())
+    outlines = len(features.outline) > len(features.faces)
     upcoming, aboard = 0, 0
     for i in range(LANES):
         upcoming = board(states, upcoming, lanes, i, record)
         aboard += lanes[BALL + i] != NONE
     while aboard > 0 and budget > 0 and rows + LANES <= len(log):
-        look(lanes, features, body.radius, mover.pull)
+        look(lanes, features.faces, body.radius, mover.pull)
+        reckon(lanes, blur, body, mover)
+        check(lanes, features.faces)
         aboard = 0
         for i in range(LANES):
-            if lanes[BALL + i] != NONE:
-                if bounce(states, first, lanes, i, blur, body, mover, features, record, log, rows):
+            if lanes[BALL + i] == NONE:
+                continue
+            if lanes[PLAIN + i] > 0.0 and (not outlines or lands_in(lanes, i, features, mover.pull)):
+                if lanes[DUE + i] >= lanes[KEPT + CLOCK + i] or show(states, first, lanes, i, mover, body.mass, record):
+                    tell(lanes, i, first, features, log, rows)
                     rows += 1
                     budget -= 1
-                else:
-                    leave(states, lanes, i)
-                    upcoming = board(states, upcoming, lanes, i, record)
-                aboard += lanes[BALL + i] != NONE
-        check(lanes, features.faces)
-        for i in range(LANES):
-            if lanes[THROUGH + i] > 0.0:
-                curve = flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover.pull, 0.0, 0.0)
-                states[int(lanes[BALL + i]), CROSSED] += count_passed(curve, features, search, body.radius, lanes[LEAST + i], NONE)
-        for j in range(6 * LANES):
-            lanes[PLACE + j] = lanes[PLACE1 + j]
+                    aboard += 1
+                    continue
+            leave(states, lanes, i)
+            upcoming = board(states, upcoming, lanes, i, record)
+            aboard += lanes[BALL + i] != NONE
+        for j in range(KEPT):
+            lanes[j] = lanes[KEPT + j]
     for i in range(LANES):
         if lanes[BALL + i] != NONE:
             leave(states, lanes, i)
@@ -73,90 +100,147 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
 
 def board(states, upcoming, lanes, i, record):
     """Give lane i to the first ball from number `upcoming` on that flies freely; returns the number after it."""
-    lanes[BALL + i], lanes[LIMIT + i] = NONE, -1.0
+    lanes[BALL + i], lanes[ENDS + i] = NONE, -1.0
     for ball in range(upcoming, len(states)):
-        frame = int(states[ball, FRAME])
-        if frame < len(record.time) and record.time[frame] >= states[ball, RELEASED]:
-            if states[ball, COUNT] == 0.0 and states[ball, LEFT] == NONE:
-                lanes[BALL + i], lanes[LIMIT + i] = ball, states[ball, END] - states[ball, AGE]
-                for k in range(6):
-                    lanes[PLACE + k * LANES + i] = lanes[PLACE1 + k * LANES + i] = states[ball, X + k]
-                return ball + 1
+        s = states[ball]
+        frame = int(s[FRAME])
+        if frame < len(record.time) and record.time[frame] >= s[RELEASED] and s[COUNT] == 0.0 and s[LEFT] == NONE:
+            for side in (0, KEPT):
+                put(lanes, side + PLACE, i, (s[X], s[X + 1], s[X + 2]))
+                put(lanes, side + SPEED, i, (s[V], s[V + 1], s[V + 2]))
+                lanes[side + CLOCK + i], lanes[side + WORKED + i], lanes[side + GONE + i] = s[AGE], s[WORK], s[LOST]
+                lanes[side + COUNTED + i], lanes[side + COUNTED_FROM + i] = s[EVENTS], s[SINCE]
+            lanes[BALL + i], lanes[ENDS + i], lanes[BORN + i], lanes[TAKEN + i] = ball, s[END], s[RELEASED], 0.0
+            lanes[DUE + i] = record.time[frame] - s[RELEASED]
+            return ball + 1
     return len(states)
 
 
 def leave(states, lanes, i):
     """Take the ball in lane i out of it."""
-    for k in range(6):
-        states[int(lanes[BALL + i]), X + k] = lanes[PLACE + k * LANES + i]
+    s = states[int(lanes[BALL + i])]
+    for k in range(3):
+        s[X + k], s[V + k] = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
+    s[AGE], s[WORK], s[LOST] = lanes[CLOCK + i], lanes[WORKED + i], lanes[GONE + i]
+    s[EVENTS], s[SINCE] = lanes[COUNTED + i], lanes[COUNTED_FROM + i]
+    s[STEPS] += lanes[TAKEN + i]
 
 
-def look(lanes, features, radius, pull):
-    """Find the first touch of all balls."""
+def curve_in(lanes, i, pull):
+    """The flight of the ball in lane i."""
+    return flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), pull, 0.0, 0.0)
+
+
+def look(lanes, faces, radius, pull):
+    """Find the first touch of all balls within their flights."""
     for i in range(LANES):
-        lanes[LEAST + i], lanes[HIT + i] = lanes[LIMIT + i], NONE
-    for f in range(len(features.faces)):
-        look_at(lanes, features.faces, f, 1.0, radius, pull)
-        if features.faces[f, SIDES] > 1.0:
-            look_at(lanes, features.faces, f, -1.0, radius, pull)
+        lanes[LEAST + i], lanes[HIT + i] = lanes[ENDS + i] - lanes[CLOCK + i], NONE
+    for f in range(len(faces)):
+        look_at(lanes, faces, f, 1.0, radius, pull)
+        if faces[f, SIDES] > 1.0:
+            look_at(lanes, faces, f, -1.0, radius, pull)
 
 
 def look_at(lanes, faces, f, side, radius, pull):
-    """The same for one side of a face."""
+    """The same for one side of a face; for less where it lies across an axis or nothing pulls toward it."""
+    normal, place = scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT)
+    push = dot(normal, pull)
+    for k in range(3):
+        if abs(normal[k]) == 1.0 and dot(normal, normal) == 1.0:
+            look_across(lanes, f, k, normal, place[k], push, radius)
+            return
     for i in range(LANES):
-        curve = flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), pull, 0.0, 0.0)
-        t = first_fall(plane_gap(curve, faces, f, side, radius), radius, lanes[LIMIT + i])
-        sooner = (t < lanes[LEAST + i]) | ((t == lanes[LEAST + i]) & (lanes[HIT + i] == NONE))
-        lanes[LEAST + i] = t if sooner else lanes[LEAST + i]
-        lanes[HIT + i] = f if sooner else lanes[HIT + i]
+        x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
+        line = gap(normal, x, place, radius), dot(normal, v), push
+        keep_first(lanes, i, f, normal, first_fall(line, radius, np.inf))
 
 
-def bounce(states, first, lanes, i, blur, body, mover, features, record, log, row):
-    """Take the ball in lane i to the end of its hop, if it has one and that is plain; returns whether it is."""
-    t, f, ball = lanes[LEAST + i], int(lanes[HIT + i]), int(lanes[BALL + i])
-    if f == NONE or t >= lanes[LIMIT + i]:
-        return False
-    s = states[ball]
-    x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
-    curve = flight(x, v, mover.pull, 0.0, 0.0)
-    x1, v1 = point(curve, t), slope(curve, t)
-    normal = facing(features, f, x1)
-    if not lands(curve, features.faces, features.outline, f, t) or not dot(v1, normal) < 0.0:
-        return False
-    v2, vn, squared = rebound(v1, normal, body.restitution, body.damping)
-    if comes_to_rest(v2, mover.pull, normal, body.restitution, body.damping, blur):
-        return False
-    if not STILL * STILL < dot(v2, v2) or not dot(v1, v1) <= FASTEST * FASTEST:
-        return False
-    age = s[AGE] + t
-    frame, frames = int(s[FRAME]), len(record.time)
-    while frame < frames and record.time[frame] - s[RELEASED] < age:
-        u = max(record.time[frame] - s[RELEASED] - s[AGE], 0.0)
+def look_across(lanes, f, k, normal, place, push, radius):
+    """The same for a face across axis k, through `place` (m) on it."""
+    n = normal[k]
+    if push == 0.0:
+        for i in range(LANES):
+            x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
+            keep_first(lanes, i, f, normal, fall_straight(gap_along(n, x, place, radius), n * v, radius))
+    else:
+        for i in range(LANES):
+            x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
+            keep_first(lanes, i, f, normal, first_fall((gap_along(n, x, place, radius), n * v, push), radius, np.inf))
+
+
+def keep_first(lanes, i, f, normal, t):
+    """Note that the ball in lane i touches face f, with that normal, after t (s), if none sooner."""
+    sooner = (t < lanes[LEAST + i]) | ((t == lanes[LEAST + i]) & (lanes[HIT + i] == NONE))
+    lanes[LEAST + i] = t if sooner else lanes[LEAST + i]
+    lanes[HIT + i] = f if sooner else lanes[HIT + i]
+    for k in range(3):
+        row = NORMALS + k * LANES + i
+        lanes[row] = normal[k] if sooner else lanes[row]
+
+
+def reckon(lanes, blur, body, mover):
+    """Reckon the hops of all balls and the impacts at their ends, and mark those that are plain."""
+    e, damping = body.restitution, body.damping
+    for i in range(LANES):
+        t, normal = lanes[LEAST + i], lane(lanes, NORMALS, i)
+        x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
+        x1, v1 = point(curve, t), slope(curve, t)
+        v2, vn, squared = rebound(v1, normal, e, damping)
+        rests = comes_to_rest(v2, mover.pull, normal, e, damping, blur)
+        sound = (dot(v2, v2) > STILL * STILL) & (dot(v1, v1) <= FASTEST * FASTEST)
+        age = lanes[CLOCK + i] + t
+        anew = age - lanes[COUNTED_FROM + i] > 1.0
+        count = 0.0 if anew else lanes[COUNTED + i] + 1.0
+        plain = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0) & sound & (count <= MOST_EVENTS)
+        lanes[PLAIN + i] = 1.0 if plain & (not rests) else 0.0
+        lost = energy_lost(body.mass, vn, squared, e, damping)
+        put(lanes, KEPT + PLACE, i, x1)
+        put(lanes, KEPT + SPEED, i, v2)
+        lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i] = vn, np.sqrt(squared), lost
+        lanes[KEPT + CLOCK + i] = age
+        lanes[KEPT + WORKED + i] = lanes[WORKED + i] + steady_work(x, x1, mover.drive, body.mass)
+        lanes[KEPT + GONE + i] = lanes[GONE + i] + lost
+        lanes[KEPT + COUNTED + i], lanes[KEPT + COUNTED_FROM + i] = count, age if anew else lanes[COUNTED_FROM + i]
+
+
+def lands_in(lanes, i, features, pull):
+    """Whether the ball in lane i meets the plane of the face it touches on the face."""
+    return lands(curve_in(lanes, i, pull), features.faces, features.outline, int(lanes[HIT + i]), lanes[LEAST + i])
+
+
+def show(states, first, lanes, i, mover, mass, record):
+    """Record the frames on the way of the ball in lane i; returns whether all are good, and it is to go on."""
+    ball = int(lanes[BALL + i])
+    frame, frames, released = int(states[ball, FRAME]), len(record.time), lanes[BORN + i]
+    x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
+    while frame < frames and record.time[frame] - released < lanes[KEPT + CLOCK + i]:
+        u = max(record.time[frame] - released - lanes[CLOCK + i], 0.0)
         xu, vu = point(curve, u), slope(curve, u)
-        if not fill(record, frame, first + ball, xu, vu, s[WORK] + work_done(curve, u, x, v, xu, vu, mover, body.mass), s[LOST]):
+        worked = lanes[WORKED + i] + steady_work(x, xu, mover.drive, mass)
+        if not fill(record, frame, first + ball, xu, vu, worked, lanes[GONE + i]):
             return False
         frame += 1
-    if frame == frames or not count_event(s, age):
+    if frame == frames:
         return False
-    s[WORK] += work_done(curve, t, x, v, x1, v1, mover, body.mass)
-    lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
-    s[LOST] += lost
-    s[STEPS] += 1.0
-    s[AGE], s[FRAME] = age, frame
-    note(log, row, s[RELEASED] + age, first + ball, surface_of(features, f), x1, normal, vn, np.sqrt(squared), lost)
-    put(lanes, PLACE1, i, x1)
-    put(lanes, SPEED1, i, v2)
-    lanes[LIMIT + i] = s[END] - age
+    states[ball, FRAME], lanes[DUE + i] = frame, record.time[frame] - released
     return True
 
 
+def tell(lanes, i, first, features, log, row):
+    """Write down the impact of the ball in lane i."""
+    lanes[TAKEN + i] += 1.0
+    surface = surface_of(features, int(lanes[HIT + i]))
+    time, ball = lanes[BORN + i] + lanes[KEPT + CLOCK + i], first + int(lanes[BALL + i])
+    x, normal = lane(lanes, KEPT + PLACE, i), lane(lanes, NORMALS, i)
+    note(log, row, time, ball, surface, x, normal, lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i])
+
+
 def check(lanes, faces):
-    """Mark the balls whose centre gets behind a face, which a touch never lets happen: looked for apart from it."""
-    for i in range(LANES):
-        lanes[THROUGH + i] = 0.0
+    """Leave those hops to `fly` whose end is behind a face, or too near to tell: a touch never lets that happen, so it is looked
+    for apart from it."""
     for f in range(len(faces)):
         two_sided = faces[f, SIDES] > 1.0
         for i in range(LANES):
-            h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, PLACE1, i))
-            through = ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h < 0.0) & (h1 > 0.0))
-            lanes[THROUGH + i] = 1.0 if through else lanes[THROUGH + i]
+            h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, KEPT + PLACE, i))
+            through = ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h <= 0.0) & (h1 >= 0.0))
+            lanes[PLAIN + i] = 0.0 if through else lanes[PLAIN + i]

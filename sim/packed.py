@@ -20,9 +20,11 @@ START, ALONG, LENGTH, OF, EDGE_WIDTH = 0, 3, 6, 7, 8
 class Packed(NamedTuple):
     """All that a ball can touch, numbered through: n faces, then m edges."""
 
-    faces: np.ndarray  # (n, FACE_WIDTH) a point of its plane in m, its unit normal, 1 or 2 sides to touch, the first row of its outline
-    outline: np.ndarray  # (k, OUTLINE_WIDTH) of each face the coordinate in which its normal is largest, the row after its last one, the
-    # number of its surface; then segments u0, v0, u1, v1 in m, in the two coordinates after AXIS in cyclic order; none: it is unbounded
+    faces: np.ndarray  # (n, FACE_WIDTH) a point of its plane in m, its unit normal, 1 or 2 sides to touch, the first row of its
+    # outline
+    outline: np.ndarray  # (k, OUTLINE_WIDTH) of each face first the coordinate in which its normal is largest, the row after its
+    # last one, and the number of its surface; then segments u0, v0, u1, v1 in m, in the two coordinates after AXIS in cyclic
+    # order; none: it is unbounded
     edges: np.ndarray  # (m, EDGE_WIDTH) its start in m, its unit vector, its length in m, the number of its surface
     tree: Tree  # over the boxes of all that is bounded; empty where there is little
     everywhere: int  # so many faces, the first ones, are unbounded: in no tree, looked at always
@@ -37,7 +39,7 @@ def pack(features: Features) -> Packed:
     faces[:, POINT : POINT + 3], faces[:, NORMAL : NORMAL + 3] = f.point, f.normal
     faces[:, SIDES], faces[:, OUTLINE] = 1.0 + f.two_sided, head
     outline[np.arange(len(f.outline)) + np.repeat(np.arange(n) + 1, count)] = f.outline
-    outline[head, AXIS], outline[head, LAST], outline[head, SURFACE] = f.axis, head + 1 + count, f.surface
+    outline[head] = np.stack([f.axis, head + 1 + count, f.surface, np.zeros(n)], axis=1)  # AXIS, LAST, SURFACE
     edges[:, START : START + 3], edges[:, ALONG : ALONG + 3] = e.start, e.along
     edges[:, LENGTH], edges[:, OF] = e.length, e.surface
     return Packed(faces, outline, edges, features.tree, features.everywhere)

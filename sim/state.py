@@ -34,6 +34,11 @@ def work_done(curve, t, x, v, x1, v1, mover, mass):
     return mass * work
 
 
+def steady_work(x, x1, drive, mass):
+    """The same (J) where that part is the constant acceleration `drive` (m/s^2) alone."""
+    return mass * dot(drive, sub(x1, x))
+
+
 def fill(record, frame, ball, x, v, work, lost):
     """Record a ball in a frame; returns whether it is good: finite, and not too fast."""
     for k in range(3):

@@ -49,6 +49,12 @@ def gap(n, x, p, offset):
     return g if abs(g) > ROUNDING * (dot(n, x) + (dot(n, p) + offset)) else 0.0
 
 
+def gap_along(n, x, p, offset):
+    """`gap` along one axis, the same bit for bit."""
+    g = n * (x - p) - offset
+    return g if abs(g) > ROUNDING * (abs(n) * abs(x) + (abs(n) * abs(p) + offset)) else 0.0
+
+
 def size(x):
     """The absolute values of a vector's parts."""
     return abs(x[0]), abs(x[1]), abs(x[2])

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from sim import engines, jit
+from sim import engines, hop, vector
+from sim.curves.parabola import fall_straight
+from sim.lanes import LANES
 from sim.shapes import Box, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver
+from sim.touch import first_fall
 from tests.sim.helpers import CORRIDOR, balls
 
 ROOM = Box((0, 0, 0), (4, 3, 3.5), inside=True)
@@ -60,15 +63,33 @@ def check_same(one, other):
         assert one.steps == other.steps
 
 
-def test_a_centre_behind_a_face_is_counted(monkeypatch):
-    """Were a touch missed, it would be seen: with balls as large as nothing, and a search that finds nothing."""
-    from sim import hop
-
-    scene = Scene(surfaces={"floor": Plane()})
-    simulation = Simulation(scene, balls([[0, 1, 0]] * 3, [[0, 0, 0]] * 3), Solver("exact"), 1.0, 0.5)
-    faces = simulation.features.faces
+def test_a_hop_behind_a_face_is_none():
+    """Were a touch missed, it would be seen: a floor met from above, and a shelf met from both sides."""
+    scene = Scene(surfaces={"floor": Plane(), "shelf": Rectangle((0, 3, 0), (0, 1, 0), (9, 9))})
+    simulation = Simulation(scene, balls([[0, 1, 0]], [[0, 0, 0]]), Solver("exact"), 1.0, 0.5)
     lanes = hop.hop_room()
-    for i in range(3):
-        lanes[hop.PLACE + 64 + i], lanes[hop.PLACE1 + 64 + i] = 1.0, (0.5, -0.5, 0.0)[i]
-    jit.bind(hop.check, compiled=False)(lanes, faces)
-    assert list(lanes[hop.THROUGH :][:3]) == [0, 1, 0]
+    height = hop.PLACE + LANES
+    for i, (begin, end) in enumerate([(1.0, 0.5), (1.0, -0.5), (-1.0, 0.5), (2.0, 4.0), (4.0, 2.0), (3.0, 4.0)]):
+        lanes[height + i], lanes[hop.KEPT + height + i], lanes[hop.PLAIN + i] = begin, end, 1.0
+    hop.check(lanes, simulation.features.faces)
+    assert list(lanes[hop.PLAIN :][:6]) == [1, 0, 1, 0, 0, 0]
+
+
+def test_short_cuts_give_the_same():
+    """A face across an axis, and one that nothing pulls toward, bit for bit: also where a ball is on it or behind it."""
+    rng = np.random.default_rng(5)
+    met = 0
+    for _ in range(3000):
+        k, radius = rng.integers(3), rng.uniform(0.01, 0.2)
+        normal, place = tuple(rng.choice([-1.0, 1.0]) * np.eye(3)[k]), rng.normal(size=3)
+        x, v = rng.normal(size=3), rng.normal(size=3) * rng.choice([0.0, 1.0, 1e-200], 3)
+        if rng.integers(2):  # in touch, but for rounding
+            x[k] = place[k] + normal[k] * radius * rng.choice([1.0, 1.0 + 1e-15, 0.5, -2.0])
+        g = vector.gap(normal, x, place, radius)
+        assert vector.gap_along(normal[k], x[k], place[k], radius) == g
+        speed = vector.dot(normal, v)
+        assert normal[k] * v[k] == speed
+        t = first_fall((g, speed, 0.0), radius, np.inf)
+        assert fall_straight(g, speed, radius) == t
+        met += t < np.inf
+    assert met > 500
