@@ -8,7 +8,7 @@ the ball is free again.
 
 import numpy as np
 
-from sim.clearance import AHEAD, FARTHEST, SPARE, free_time, push_of, region_free_time
+from sim.clearance import AHEAD, FARTHEST, SPARE, free_time, push_of, pushes_within, region_free_time
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
 from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
 from sim.lanes import LANES, lane, put
@@ -62,7 +62,7 @@ def coast(states, first, tolerance, blur, body, forces, features, search, lanes,
                     return how, ball, rows
         return DONE, len(states), rows
     while True:
-        moving, aboard = stride(lanes, dt), 0
+        moving, aboard = march(lanes, dt), 0
         for i in range(width if moving < width else 0):
             if lanes[MOVES + i] > 0.0 or is_free(lanes, i, dt, states, first, body, forces, features, search, record):
                 aboard += 1
@@ -104,7 +104,7 @@ def does_work(forces):
     return some
 
 
-def stride(lanes, dt):
+def march(lanes, dt):
     """Take a step in all lanes, and tell which balls may go that far as things are; returns how many."""
     moving = 0
     for i in range(LANES):  # a constant, so that the compiler knows that no row overlaps another
@@ -117,8 +117,8 @@ def stride(lanes, dt):
         put(lanes, SPEED1, i, v1)
         if CARRIES:
             put(lanes, PUSH1, i, a1)
-        push = push_of(interpolant(h, x, v, a, x1, v1), h, v, v1)
-        known = (aim <= lanes[SURE_TILL + i]) & (push <= lanes[HARDEST + i])
+        curve = interpolant(h, x, v, a, x1, v1)
+        known = (aim <= lanes[SURE_TILL + i]) & pushes_within(curve, h, v, v1, lanes[HARDEST + i])
         moves = known & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
         lanes[MOVES + i] = 1.0 if moves else 0.0
         moving += 1 if moves else 0

@@ -128,7 +128,10 @@ class Swept:
 
 
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
-CURVE = "flight", "point", "slope", "bend", "series", "project", "start", "seen_from", "seen_along", "piece", "fall", "value", "dip"
+CURVE = (
+    *("flight", "point", "slope", "bend", "bend_squared", "series", "project", "start", "seen_from", "seen_along", "piece", "fall"),
+    *("value", "dip"),
+)
 SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
 METHOD = "step", "carried", "embedded", "interpolant"
 

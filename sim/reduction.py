@@ -139,7 +139,9 @@ def _planes(faces: Faces, edges: Edges) -> np.ndarray:
     planes = np.empty((n + len(edges.length), 5), np.float32)
     planes[:n, :3], planes[n:, :3] = faces.normal, edges.normal
     planes[:n, 3] = np.sum(faces.normal * faces.point, axis=1)
-    planes[n:, 3] = np.sum(edges.normal * edges.start, axis=1)
+    # of the normal without its rounding along the edge, which would count for more the farther off its start is
+    slant = np.einsum("ij,ij->i", edges.normal, edges.along)
+    planes[n:, 3] = np.einsum("ij,ij->i", edges.normal, edges.start) - slant * np.einsum("ij,ij->i", edges.along, edges.start)
     planes[:n, 4], planes[n:, 4] = FACE, edges.spread
     return planes
 

@@ -177,26 +177,27 @@ def onward(tree, ray, reach, search, top, first):
                 found[last], since[last], until[last] = rank(tree, group, c), near, far
                 last += 1
                 continue
-            place = top
-            while place > bottom and waits[place - 1] < near:  # the nearest is on top
-                stack[2 * place], stack[2 * place + 1] = stack[2 * place - 2], stack[2 * place - 1]
-                waits[place] = waits[place - 1]
-                place -= 1
-            stack[2 * place], stack[2 * place + 1], waits[place] = depth - 1, child, near
-            announce(tree, depth - 1, child)
-            top += 1
+            top = line_up(tree, search, bottom, top, depth - 1, child, near)
         if last > first:
             return top, last
     return 0, first
 
 
-def announce(tree, depth, group):
-    """Have a group that will be looked at brought into the cache."""
+def line_up(tree, search, bottom, top, depth, group, near):
+    """Put a group on the stack from place `bottom` on, in order: the nearest is on top; returns how many are on it. It will be looked
+    at soon, so it is on its way into the cache."""
+    stack, waits, place = search.stack, search.waits, top
+    while place > bottom and waits[place - 1] < near:
+        stack[2 * place], stack[2 * place + 1] = stack[2 * place - 2], stack[2 * place - 1]
+        waits[place] = waits[place - 1]
+        place -= 1
+    stack[2 * place], stack[2 * place + 1], waits[place] = depth, group, near
     for k in range(6):
         prefetch(tree.box[tree.level[depth] + group], k)
     if depth == 0:
         for k in range(5):
             prefetch(tree.plane[group], k)
+    return top + 1
 
 
 def rank(tree, group, c):
@@ -323,6 +324,44 @@ def sieve(box, plane, g, ray, stay):
         away = (h > fuzz) & (rise > ray.climb + fuzz) & (end > middle)
         back = (h < -fuzz) & (rise < -ray.climb - fuzz) & (end < middle)
         stay[WIDE + c] = NEVER if gone | above | below | (face & (away | back)) else far
+
+
+def distance(tree, x, reach, search):
+    """A lower bound (m) of the distance from x to any item, and `reach` (m) if that is less."""
+    stack, waits, stay = search.stack, search.waits, search.stay
+    fuzz = np.float32(SINGLE * (max(abs(x[0]), max(abs(x[1]), abs(x[2]))) + reach))
+    place, least, top = (np.float32(x[0]), np.float32(x[1]), np.float32(x[2])), np.float32(reach), enter(tree, search)
+    while top > 0:
+        top -= 1
+        if waits[top] >= least:
+            continue
+        depth, group, bottom = stack[2 * top], stack[2 * top + 1], top
+        away(tree.box, tree.level[depth] + group, place, fuzz, stay)
+        if depth == 0:
+            off(tree.plane, group, place, fuzz, stay)
+        for c in range(WIDE):
+            if stay[c] < least:
+                if depth == 0:
+                    least = stay[c]
+                else:
+                    top = line_up(tree, search, bottom, top, depth - 1, WIDE * group + c, stay[c])
+    return min(np.float64(least), reach)
+
+
+def away(box, g, x, fuzz, stay):
+    """Write into `stay` how far x is from each of the boxes of group g at least."""
+    for c in range(box.shape[2]):
+        u = max(max(box[g, 0, c] - x[0], x[0] - box[g, 3, c]), NONE)
+        v = max(max(box[g, 1, c] - x[1], x[1] - box[g, 4, c]), NONE)
+        w = max(max(box[g, 2, c] - x[2], x[2] - box[g, 5, c]), NONE)
+        stay[c] = np.sqrt(u * u + v * v + w * w) * EARLY - fuzz
+
+
+def off(plane, g, x, fuzz, stay):
+    """The same for the items of the lowest group g, by their planes besides."""
+    for c in range(plane.shape[2]):
+        height = plane[g, 0, c] * x[0] + plane[g, 1, c] * x[1] + plane[g, 2, c] * x[2] - plane[g, 3, c]
+        stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(plane[g, 3, c]))
 
 
 def overlapping(tree: Tree, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -34,9 +34,14 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
+    return np.sqrt(bend_squared(curve, s, end))
+
+
+def bend_squared(curve, s, end):
     """|x''| is convex, so it is largest at an end."""
     _, _, c, d = curve
-    return 2.0 * max(norm(axpy(3.0 * s, d, c)), norm(axpy(3.0 * end, d, c)))
+    first, last = axpy(3.0 * s, d, c), axpy(3.0 * end, d, c)
+    return 4.0 * max(dot(first, first), dot(last, last))
 
 
 def series(curve, s, t):

@@ -21,7 +21,11 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
-    return norm(curve[2])
+    return np.sqrt(bend_squared(curve, s, end))
+
+
+def bend_squared(curve, s, end):
+    return dot(curve[2], curve[2])
 
 
 def series(curve, s, t):

@@ -41,6 +41,10 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
+    return np.sqrt(bend_squared(curve, s, end))
+
+
+def bend_squared(curve, s, end):
     """x'' is a cubic, which stays in the hull of its four control points on [s, end]."""
     _, _, c, d, e, f = curve
     t = end - s
@@ -50,7 +54,7 @@ def bend(curve, s, end):
     second = axpy(1.0, first, rise)
     third = axpy(1.0, second, axpy(1.0, rise, turn))
     last = axpy(20.0 * t * t * t, f, axpy(3.0, turn, axpy(3.0, rise, first)))
-    return max(max(norm(first), norm(second)), max(norm(third), norm(last)))
+    return max(max(dot(first, first), dot(second, second)), max(dot(third, third), dot(last, last)))
 
 
 def series(curve, s, t):

@@ -5,8 +5,10 @@ import pytest
 
 import sim.tree
 from sim import jit, reduction
-from sim.tree import WIDE, along, build, cast, enter, meet, onward, overlapping, search_room
-from tests.sim.helpers import CORRIDOR, LIFT, fly, random_balls, room
+from sim.inside import distances
+from sim.shapes import Heightfield, Rectangle, Triangles
+from sim.tree import WIDE, along, build, cast, distance, enter, meet, onward, overlapping, search_room
+from tests.sim.helpers import CORRIDOR, LIFT, fly, moved, random_balls, room, rotation
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -206,3 +208,40 @@ def test_overlapping_looks_at_few():
     query, item = overlapping(build(low, low + 0.5), np.zeros((3, 3)), np.ones((3, 3)))
     assert len(item) <= 3 * 2
     assert all(len(a) == 0 for a in overlapping(build(low[:0], low[:0]), np.zeros((3, 3)), np.ones((3, 3))))
+
+
+SPAR = Rectangle((0, 0, 0), (0.3, 1.0, 0.2), (4000.0, 0.01))  # far longer than it is away
+
+
+@pytest.mark.parametrize("shape", [Heightfield((4, 4), (15, 15), "0.5*sin(2*x)*cos(3*z)"), SPAR], ids=["hills", "spar"])
+@pytest.mark.parametrize("far", [0.0, 1e3])
+def test_nothing_is_nearer_than_the_distance_says(monkeypatch, shape, far):
+    """Against the distance to each face, near and far from the origin; and of small faces it is not much less than that."""
+    monkeypatch.setattr(reduction, "FEW", 0)
+    features, _ = reduction.features([moved(shape, np.eye(3), np.full(3, far))], np.zeros((0, 3)))
+    rng, room, shares = np.random.default_rng(1), search_room(len(features.faces.axis) + len(features.edges.length)), []
+    faces = np.arange(len(features.faces.axis))
+    for _ in range(300):
+        x = far + rng.uniform(-2, 2, 3) * (1, rng.choice([0.1, 1.0]), 1)
+        nearest = distances(features.faces, faces, np.broadcast_to(x, (len(faces), 3))).min()
+        for reach in (10.0, 0.2):
+            least = jit.bind(distance)(features.tree, tuple(map(float, x)), reach, room)
+            assert least <= min(nearest, reach)
+            shares.append(least / min(nearest, reach))
+    if shape is not SPAR:  # of small items a box and a plane tell most of it
+        assert np.mean(shares) > 0.8
+
+
+def test_an_edge_lies_in_its_plane_all_along():
+    """The ridge of a roof, where it passes the origin, though its ends are far away and a normal in single precision is not quite
+    across it."""
+    ridge, down = 2e3 * rotation(4)[0], rotation(4)[1:]
+    roof = Triangles(np.array([-ridge, ridge, *down]), np.array([[0, 1, 2], [1, 0, 3]]))
+    features, _ = reduction.features([roof], np.zeros((0, 3)))
+    edges, n = features.edges, len(features.faces.axis)
+    (e,) = np.flatnonzero(edges.length > 3e3)
+    plane = reduction._planes(features.faces, edges)[n + e].astype(float)
+    nearest = edges.start[e] - edges.start[e] @ edges.along[e] * edges.along[e]
+    assert np.linalg.norm(plane[:3]) == pytest.approx(1, abs=1e-6)
+    # coordinates of kilometres, in double precision: a hundred thousandth of what a normal in single precision makes of them
+    assert abs(plane[:3] @ nearest - plane[3]) <= 4e3 * 8 * np.finfo(float).eps
