@@ -47,7 +47,7 @@ def sweep(
     file: File,
     set_: Overrides = None,
     out: Annotated[Path, typer.Option(help="Folder for the output; the sweep's own is <out>/<name>.")] = Path("outputs"),
-    jobs: Annotated[Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes. Default: the cores.")] = None,
+    jobs: Annotated[Optional[int], typer.Option("--jobs", "-j", min=1, help="Worker processes. Default: cores / threads.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be run, and run nothing.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Make all runs again, done or not.")] = False,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Make failed runs again.")] = False,

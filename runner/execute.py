@@ -11,9 +11,10 @@ import numpy as np
 from runner import reference, starts
 from runner.columns import FIGURES
 from runner.config import Experiment, Run
+from runner.crew import crew
 from runner.errors import InputError
 from runner.result import Result
-from sim.simulate import Flight, Simulation
+from sim.simulate import Crew, Flight, Simulation
 
 SPREAD = 0.25  # s, over which the repeats of a short flight are spread
 
@@ -46,12 +47,13 @@ def run(what: Run | Experiment, stop: Callable[[], bool] = lambda: False) -> Res
 
 def carry_out(one: Run, simulation: Simulation, stop: Callable[[], bool]) -> Result:
     """Simulate the run, whose simulation is prepared."""
-    flight, seconds = timed(simulation, one.setup.repeats, stop)
-    status, summary = flight.status, figures(simulation, flight, seconds)
-    if one.setup.reference and status != "timeout":
-        truth = reference.solve(simulation, flight, stop)
-        status = "timeout" if truth.status == "timeout" else status
-        summary |= {name: _plain(value) for name, value in reference.position_errors(flight, truth).items()}
+    with crew(one.setup.solver.threads) as hands:
+        flight, seconds = timed(simulation, one.setup.repeats, stop, hands)
+        status, summary = flight.status, figures(simulation, flight, seconds)
+        if one.setup.reference and status != "timeout":
+            truth = reference.solve(simulation, flight, stop, hands)
+            status = "timeout" if truth.status == "timeout" else status
+            summary |= {name: _plain(value) for name, value in reference.position_errors(flight, truth).items()}
     return Result(
         run_id=one.run_id,
         parameters=one.parameters,
@@ -66,17 +68,18 @@ def carry_out(one: Run, simulation: Simulation, stop: Callable[[], bool]) -> Res
     )
 
 
-def timed(simulation: Simulation, repeats: int, stop: Callable[[], bool]) -> tuple[Flight, float]:
-    """The flight and the least seconds of the processor that it took, whatever else the machine did meanwhile.
+def timed(simulation: Simulation, repeats: int, stop: Callable[[], bool], hands: Crew = Crew()) -> tuple[Flight, float]:
+    """The flight and the least seconds of the processor that it took, whatever else the machine did meanwhile; with several
+    threads those of the clock, as they are at it at the same time.
 
     What is repeated at all is so until SPREAD s are spent: a disturbance, as of memory and caches that others use too, may
     outlast a few repeats of a short flight.
     """
-    taken = []
+    taken, clock = [], time.thread_time if hands.size == 1 else time.perf_counter
     while len(taken) < repeats or 1 < len(taken) and sum(taken) < SPREAD:
-        start = time.thread_time()
-        flight = simulation.run(stop)
-        taken.append(time.thread_time() - start)
+        start = clock()
+        flight = simulation.run(stop, hands)
+        taken.append(clock() - start)
         if flight.status == "timeout":
             break
     return flight, min(taken)

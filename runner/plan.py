@@ -26,6 +26,11 @@ class Plan:
         """How many runs share a folder once they are made; None where each keeps its own."""
         return self.experiment.base.setup.record.pack
 
+    @property
+    def threads(self) -> int:
+        """How many are at work on one run."""
+        return self.experiment.base.setup.solver.threads
+
 
 def plan(experiment: Experiment, out: Path, fresh: bool = False, retry_failed: bool = False, yes: bool = False) -> Plan:
     """The plan of a sweep into `out`/<name>.

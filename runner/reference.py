@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from runner.config import Run
-from sim.simulate import EXACT, Flight, Simulation, Solver
+from sim.simulate import EXACT, Crew, Flight, Simulation, Solver
 
 
 def twin(run: Run) -> Run:
@@ -17,12 +17,12 @@ def twin(run: Run) -> Run:
     return replace(run, setup=run.setup.model_copy(update={"solver": solver, "reference": None}))
 
 
-def solve(simulation: Simulation, flight: Flight, stop: Callable[[], bool]) -> Flight:
+def solve(simulation: Simulation, flight: Flight, stop: Callable[[], bool], crew: Crew = Crew()) -> Flight:
     """The exact flight of the simulation's balls up to the last frame of `flight`."""
     end = flight.trajectory.time[-1]
     if end == 0 or simulation.solver.method == EXACT:
         return flight
-    return Simulation(simulation.scene, simulation.balls, Solver(EXACT), end, end, simulation).run(stop)
+    return Simulation(simulation.scene, simulation.balls, Solver(EXACT), end, end, simulation).run(stop, crew)
 
 
 def position_errors(flight: Flight, truth: Flight) -> dict[str, float]:

@@ -133,7 +133,11 @@ by_name = AfterValidator(lambda things: dict(sorted(things.items())))
 SceneModel = model_of(
     Scene, surfaces=Annotated[dict[Name, Shape], by_name], forces=Annotated[dict[Name, Force], by_name]
 )
-SolverModel = model_of(Solver, method=Literal[*METHODS], contact=Literal["swept", "original"])
+
+
+class SolverModel(model_of(Solver, method=Literal[*METHODS], contact=Literal["swept", "original"])):
+    #: that the balls of a run are divided among; no part of a run, whose result they cannot change
+    threads: Annotated[int, Field(ge=1, le=256)] = Field(1, exclude=True)
 
 
 class BallsModel(Model):

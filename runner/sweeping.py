@@ -52,9 +52,9 @@ def sweep(
 ) -> pyarrow.Table:
     """Make all runs of an experiment file that `out`/<name> does not hold yet; its summary, a row per run in the folder.
 
-    They are made by `jobs` processes, or by the workers of the Dask scheduler at the address `cluster`, which put them into the
-    folder, or with `gather` send them back. Raises InputError when the file is wrong or the cluster cannot be reached, RunError
-    when the runs cannot be written.
+    They are made by `jobs` processes, or as many as have `solver.threads` cores each; or by the workers of the Dask scheduler at
+    the address `cluster`, which put them into the folder, or with `gather` send them back. Raises InputError when the file is
+    wrong or the cluster cannot be reached, RunError when the runs cannot be written.
     """
     work = plan(load(path, overrides), Path(out), fresh)
     carry_out(work, jobs, timeout, fresh, cluster=cluster, gather=gather)
@@ -87,7 +87,7 @@ def carry_out(
         work, source = dataclasses.replace(work, folder=work.folder.absolute()), source.absolute()
     if work.todo or packing.batches(work.folder, work.pack):
         try:
-            with _workers(work, jobs or os.cpu_count() or 1, cluster, gather) as workers:
+            with _workers(work, jobs or (os.cpu_count() or 1) // work.threads, cluster, gather) as workers:
                 _make(work, source, workers, gather, timeout, replace, fail_fast, progress)
             if cluster:
                 _see(work)
@@ -112,7 +112,8 @@ def _workers(work: Plan, jobs: int, cluster: str | None, gather: bool) -> pool.W
 def _make(work: Plan, source: Path, workers: pool.Workers, gather: bool, timeout, replace, fail_fast, progress) -> None:
     aside = work.folder / store.RUNS / store.ASIDE
     tasks = [
-        Task(run.run_id, run.parameters, source, aside, aside.with_name(run.run_id), replace, timeout) for run in work.todo
+        Task(run.run_id, run.parameters, source, aside, aside.with_name(run.run_id), replace, timeout, work.threads)
+        for run in work.todo
     ]
     elsewhere = []
 

@@ -44,6 +44,7 @@ class Task(NamedTuple):
     final: Path  # folder it becomes
     replace: bool  # a folder that is there already
     timeout: float | None  # s
+    threads: int = 1  # at work on it
     wait: bool = False  # for another sweep that is making the run
 
 
@@ -155,8 +156,9 @@ def _simulate(task: Task, stop: Callable[[], bool]) -> Result:
     global _last
     from runner.config import resolve
     from runner.execute import carry_out, prepare
+    from runner.settings import with_value
 
-    run = resolve(task.parameters, task.source)
+    run = resolve(with_value(task.parameters, ("solver", "threads"), task.threads), task.source)
     _last = prepare(run, _last)
     return carry_out(run, _last, stop)
 

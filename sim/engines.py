@@ -1,11 +1,13 @@
 """What moves the balls of a simulation: one engine for the original's contact rule, one for swept contact.
 
-An engine splits the balls into parts that are moved one after the other:
+An engine splits the balls into parts, each of which is moved by itself:
 
-    parts() -> list                                all balls at their release
-    move(part, frame, record, log) -> frame, rows, bad
+    parts(hands) -> list                           all balls at their release, in parts that many hands can share
+    rooms(hands) -> list                           what each hand needs to compute in
+    move(part, frame, record, room, log) -> frame, rows, bad
         on from frame number `frame`; the next one to fill, rows of the log filled, and the first frame at which a ball of the
-        part has diverged, or None. Call it again until all frames are filled.
+        part has diverged, or None. Call it again until all frames are filled. It writes into nothing but what it is given, and
+        of the record only into the columns of the part's balls.
     stride(time) -> int                            frames to move all parts through before the next ones
     ends(parts) -> Ends                            where all balls are in the end
 """
@@ -14,6 +16,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -50,13 +53,16 @@ class Original:
         self.given = body, packed, features
         self.kernel = jit.bind(advance.advance, SELECTIVE=len(packed.selective), **steps(solver.method))
 
-    def parts(self) -> list:
+    def parts(self, hands: int) -> list:
         features = self.given[-1]
         return [lanes.fill_block(k, self.balls, self.duration, features) for k in range(0, len(self.balls), lanes.LANES)]
 
-    def move(self, block, frame, record, log):
+    def rooms(self, hands: int) -> list[tuple]:
+        return [()] * hands  # each block has its own
+
+    def move(self, block, frame, record, room, log):
         frame, rows, diverged = self.kernel(block, self.dt, *self.given, frame, record, log, BUDGET)
-        return frame, rows, frame - 1 if diverged else None
+        return (len(record.time), rows, frame - 1) if diverged else (frame, rows, None)
 
     def stride(self, time):
         interval = time[1] - time[0] if len(time) > 1 else self.duration
@@ -84,22 +90,26 @@ class Swept:
         claims = integrators.load(solver.method)[0] if solver.method != "exact" else None
         # a method of first order cannot tell a hop of a few steps from rest
         blur = 4 * self.dt if claims and claims.order == 1 else 0.0
-        search = search_room(len(features.faces) + len(features.edges))
-        self.given = float(solver.tolerance), blur, body, packed, features, search
-        if solver.stepping:
-            self.given += (coast.coast_room(),)
-            self.kernel = jit.bind(coast.coast, **bindings(solver.method, packed))
-        else:
-            self.given += (hop_room(),)
-            self.kernel = jit.bind(travel.travel, **bindings(solver.method, packed))
+        self.given = float(solver.tolerance), blur, body, packed, features
+        loop, self._lanes = (coast.coast, coast.coast_room) if solver.stepping else (travel.travel, hop_room)
+        self.kernel = jit.bind(loop, **bindings(solver.method, packed))
+        self._rooms = []
 
-    def parts(self) -> list:
+    def parts(self, hands: int) -> list:
         states = state.depart_states(self.balls, self.duration, self.dt)
-        return [(k, states[k : k + PART]) for k in range(0, len(states), PART)]
+        rounds = ceil(len(states) / (hands * PART))
+        size = ceil(len(states) / (hands * rounds))  # as many parts for each hand
+        return [(k, states[k : k + size]) for k in range(0, len(states), size)]
 
-    def move(self, part, frame, record, log):
+    def rooms(self, hands: int) -> list[tuple]:
+        features = self.given[-1]
+        while len(self._rooms) < hands:
+            self._rooms.append((search_room(len(features.faces) + len(features.edges)), self._lanes()))
+        return self._rooms[:hands]
+
+    def move(self, part, frame, record, room, log):
         first, states = part
-        how, i, rows = self.kernel(states, first, *self.given, record, log, PIECES)
+        how, i, rows = self.kernel(states, first, *self.given, *room, record, log, PIECES)
         if how == travel.STALLED:
             x, age = states[i, state.X : state.X + 3], states[i, state.AGE]
             raise Stalled(

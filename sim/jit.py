@@ -76,7 +76,7 @@ def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = Tru
     from sim.compiler import Melt, Plain, SetApart
 
     if not inner:
-        return njit(cache=True, pipeline_class=Plain)(rebuilt)
+        return njit(cache=True, pipeline_class=Plain, nogil=True)(rebuilt)  # so that threads move the balls of one run at once
     njit = partial(njit, no_cpython_wrapper=True)
     if _melts(function):
         return _widened(njit(forceinline=True, pipeline_class=Melt)(rebuilt))

@@ -30,8 +30,14 @@ class Log:
         """Of the room given last, `count` rows are written."""
         self._used += count
 
-    def rows(self) -> np.ndarray:
-        return np.concatenate([*self._full, self._rows[: self._used]])
+    def pieces(self) -> list[np.ndarray]:
+        """All rows, in their order."""
+        return [*self._full, self._rows[: self._used]]
+
+
+def rows(logs: list[Log]) -> np.ndarray:
+    """All rows (n, COLUMNS) of the logs, one after the other."""
+    return np.concatenate([piece for log in logs for piece in log.pieces()])
 
 
 class Record(NamedTuple):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Flight:
 
     status: str  # finished, rested, diverged, or timeout where it was stopped
     trajectory: Trajectory
-    log: log.Log  # all impacts and rests, ball by ball
+    logs: list[log.Log]  # all impacts and rests; those of a ball in one of them, in their order
     end: float  # s, up to which they count
     energy: Energy
     energy_initial: float  # J, of all balls released, at their release
@@ -81,12 +82,12 @@ class Flight:
     @cached_property
     def bounces(self) -> np.ndarray:
         """Impacts: structured, BOUNCE, in order of time, then of ball."""
-        return events(self.log.rows(), BOUNCE, self.end)
+        return events(log.rows(self.logs), BOUNCE, self.end)
 
     @cached_property
     def rests(self) -> np.ndarray:
         """Each coming to rest, or to a slide, on a surface: structured, REST, in order of time, then of ball."""
-        return events(self.log.rows(), REST, self.end)
+        return events(log.rows(self.logs), REST, self.end)
 
 
 def frame_count(duration: float, every: float) -> float:
@@ -107,6 +108,25 @@ def frame_times(duration: float, every: float) -> np.ndarray:
     times = np.arange(int(frame_count(duration, every))) * every
     times[-1] = duration
     return times
+
+
+class Crew(NamedTuple):
+    """Who moves the balls: so many at once as `size` tells.
+
+    each(function, hands) calls the function with each of the hands, and gives what they return, in any order. What one of the
+    calls raises it raises when all have ended.
+    """
+
+    size: int = 1
+    each: Callable = map
+
+
+class Hand(NamedTuple):
+    """What one of a crew has to itself: whatever is written by a kernel, but for the balls' own columns in the record."""
+
+    parts: list  # of the engine's, the balls
+    room: tuple  # to compute in
+    log: log.Log
 
 
 class Simulation:
@@ -153,30 +173,57 @@ class Simulation:
 
     def warm(self) -> None:
         """Compile the kernel, or load it from disk, without moving a ball."""
-        self.engine.move(self.engine.parts()[0], 0, self._record(0), log.Log().room())
+        (room,) = self.engine.rooms(1)
+        self.engine.move(self.engine.parts(1)[0], 0, self._record(0), room, log.Log().room())
 
-    def run(self, stop: Callable[[], bool] = lambda: False) -> Flight:
+    def run(self, stop: Callable[[], bool] = lambda: False, crew: Crew = Crew()) -> Flight:
         """Move all balls through all frames; `stop` is asked now and then whether to end early, as `timeout`.
 
-        A diverged or stopped run keeps the frames up to the last that is good for all balls. Raises engines.Stalled.
+        A diverged or stopped run keeps the frames up to the last that is good for all balls. Whatever the size of the crew, the
+        flight is the same to the last bit. Raises engines.Stalled.
         """
-        record, parts = self._record(len(self.time)), self.engine.parts()
-        happened = log.Log()
-        status, done, kept = "finished", 0, len(self.time)
-        while done < kept:
+        try:
+            return self._run(stop, crew)
+        except engines.Stalled:
+            if crew.size == 1:
+                raise
+        return self._run(stop, Crew())  # so that it is told of the same ball
+
+    def _run(self, stop: Callable[[], bool], crew: Crew) -> Flight:
+        record, parts = self._record(len(self.time)), self.engine.parts(crew.size)
+        size = min(crew.size, len(parts))
+        hands = [Hand(parts[k::size], room, log.Log()) for k, room in enumerate(self.engine.rooms(size))]
+        done, kept, over = 0, len(self.time), []
+        while done < kept and not over:
             # the release is a stage of its own, so that a flight has it for all balls, whatever ends it
-            stage = log.Record(*(a[: min(done + self.engine.stride(self.time), kept) if done else 1] for a in record))
-            for part in parts:
+            stage = log.Record(*(a[: done + self.engine.stride(self.time) if done else 1] for a in record))
+            try:
+                kept = min(kept, *crew.each(partial(self._move, stage, done, stop, over), hands))
+            except BaseException:
+                over.append(True)  # an interruption is heard by one alone
+                raise
+            done = done if over else len(stage.time)
+        status = "timeout" if over else "finished" if kept == len(self.time) else "diverged"
+        return self._flight(status, done if over else kept, record, self.engine.ends(parts), [hand.log for hand in hands])
+
+    def _move(self, stage: log.Record, done: int, stop: Callable[[], bool], over: list, hand: Hand) -> int:
+        """Move the balls of a hand through the frames of `stage` from number `done` on, unless it is `over`; returns how many
+        frames are good for them, of all there are."""
+        good = len(self.time)
+        try:
+            for part in hand.parts:
                 frame = done
-                while frame < min(len(stage.time), kept):
-                    frame, count, bad = self.engine.move(part, frame, stage, happened.room())
-                    happened.keep(count)
+                while frame < len(stage.time) and not over:
+                    frame, count, bad = self.engine.move(part, frame, stage, hand.room, hand.log.room())
+                    hand.log.keep(count)
                     if bad is not None:
-                        status, kept = "diverged", min(kept, max(bad, 1))
+                        good = min(good, max(bad, 1))
                     if done and stop():
-                        return self._flight("timeout", done, record, self.engine.ends(parts), happened)
-            done = len(stage.time)
-        return self._flight(status, kept, record, self.engine.ends(parts), happened)
+                        over.append(True)
+        except BaseException:
+            over.append(True)
+            raise
+        return good
 
     def _steps(self, time: np.ndarray) -> np.ndarray:
         """The steps (frames,) of the method since time 0; where they are not of one length, the frames count."""
@@ -186,7 +233,7 @@ class Simulation:
         n = len(self.balls)
         return log.Record(self.time[:frames], *(np.empty((frames, n, *k)) for k in ((3,), (3,), (), ())))
 
-    def _flight(self, status, kept, record, ends, happened) -> Flight:
+    def _flight(self, status, kept, record, ends, logs) -> Flight:
         time, position, velocity, work, lost = (a[:kept] for a in record)
         balls, mass = self.balls, self.balls.mass
 
@@ -206,7 +253,7 @@ class Simulation:
         return Flight(
             status=status,
             trajectory=Trajectory(time, self._steps(time), position, velocity),
-            log=happened,
+            logs=logs,
             # of a finished flight all: the time of one at the very end may round to after it
             end=time[-1] if status in ("diverged", "timeout") else np.inf,
             energy=energy,

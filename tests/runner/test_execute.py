@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from runner import execute
+from sim.simulate import Crew
 
 
 @pytest.fixture
@@ -15,7 +16,7 @@ def flights(monkeypatch):
     def simulation(*seconds, status="finished"):
         clock, made = SimpleNamespace(now=0.0), []
 
-        def run(stop):
+        def run(stop, crew):
             clock.now += seconds[min(len(made), len(seconds) - 1)]
             made.append(SimpleNamespace(status=status))
             return made[-1]
@@ -49,5 +50,11 @@ def test_a_flight_that_was_stopped_is_not_repeated(flights):
 
 
 def test_what_others_do_meanwhile_costs_nothing():
-    waiting = SimpleNamespace(run=lambda stop: time.sleep(0.2) or SimpleNamespace(status="finished"))
+    waiting = SimpleNamespace(run=lambda stop, crew: time.sleep(0.2) or SimpleNamespace(status="finished"))
     assert execute.timed(waiting, 1, lambda: False)[1] < 0.1
+
+
+def test_of_several_threads_the_clock_counts():
+    """Each has a processor, and the one that waits for them takes none."""
+    waiting = SimpleNamespace(run=lambda stop, crew: time.sleep(0.1) or SimpleNamespace(status="finished"))
+    assert execute.timed(waiting, 1, lambda: False, Crew(2))[1] >= 0.1
