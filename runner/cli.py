@@ -195,7 +195,7 @@ def explain(file: File, set_: Overrides = None) -> None:
 def bench(
     parts: Annotated[
         Optional[list[str]],
-        typer.Argument(metavar="[PART]...", help="kernels, sweep, startup, peers or scaling. Default: all but scaling."),
+        typer.Argument(metavar="[PART]...", help="kernels, threads, sweep, startup, peers or scaling. Default: all but scaling."),
     ] = None,
     json_: Annotated[Optional[Path], typer.Option("--json", metavar="FILE", help="Write the figures there, too.")] = None,
     chart: Annotated[Optional[Path], typer.Option(metavar="FILE", help="Draw there how the cost grows; needs scaling.")] = None,

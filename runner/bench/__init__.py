@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from runner import machine
-from runner.bench import curves, kernels, peers, scaling, startup, sweeps
+from runner.bench import curves, kernels, peers, scaling, startup, sweeps, threads
 from runner.bench.kernels import Case, Speed, measure
 from runner.document import suggestion
 from runner.errors import InputError
@@ -21,12 +21,13 @@ Told = Callable[[str], None]
 #: name -> cases(told) -> rows, dataclasses, as they come
 PARTS: dict[str, Callable[[Told], Iterator[Any]]] = {
     "kernels": kernels.speeds,
+    "threads": threads.gains,
     "sweep": sweeps.costs,
     "startup": startup.times,
     "peers": peers.compare,
     "scaling": scaling.points,
 }
-DEFAULT = ("kernels", "sweep", "startup", "peers")
+DEFAULT = ("kernels", "threads", "sweep", "startup", "peers")
 
 draw = curves.draw  # the points of scaling
 
