@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -93,7 +92,7 @@ def over_frames(frames: int) -> list[Point]:
             found[method] = result.summary["sim_seconds"]
         for form in result.parameters["record"]["formats"]:
             writer = record.load(form)
-            _, found[writer.FILE] = fastest(partial(writer.write, result, Path(name) / writer.FILE), time.perf_counter)
+            _, found[writer.FILE] = fastest(partial(writer.write, result, Path(name) / writer.FILE))
     return [Point("frames", what, frames, seconds, seconds / frames) for what, seconds in found.items()]
 
 
@@ -102,6 +101,6 @@ def over_runs(runs: int) -> list[Point]:
     found = {}
     with tempfile.TemporaryDirectory() as name:
         file = write_experiment(Path(name) / f"{runs}.yaml", runs)
-        for what, options in (("planning", ["--dry-run"]), ("sweep", ["--quiet"])):
+        for what, options in (("dry run", ["--dry-run"]), ("sweep", ["--quiet"])):
             found[what] = carom("sweep", file, *options, cwd=Path(name)).wall
     return [Point("runs", what, runs, seconds, seconds / runs) for what, seconds in found.items()]

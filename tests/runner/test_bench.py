@@ -9,9 +9,12 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Page
+from matplotlib.transforms import Bbox
 
 from runner import bench
-from runner.bench import apart, command, curves, kernels, layout, peers, scaling, startup, sweeps
+from runner.bench import apart, command, curves, kernels, layout, peers, scaling, startup, sweeps, threads
 from runner.bench.figure import Figure
 from runner.bench.kernels import Case
 from runner.bench.peers import _work
@@ -153,6 +156,15 @@ def test_a_command_that_fails_is_told(tmp_path):
         command.carom("check", "nosuch.yaml", cwd=tmp_path)
 
 
+def test_the_gain_of_threads_is_the_time_of_one_over_theirs(monkeypatch):
+    one, two = threads.seconds("exact", 0.1, 10)
+    assert 0 < one < 10 and 0 < two < 10
+    monkeypatch.setattr(threads, "apart", directly)
+    monkeypatch.setattr(threads, "seconds", lambda *_: (3.0, 2.0))
+    figures = list(threads.gains(print))
+    assert [figure.value for figure in figures] == [1.5, 1.5] and all("2 threads" in figure.what for figure in figures)
+
+
 # Peers
 
 
@@ -254,6 +266,23 @@ def test_the_chart_is_drawn(grown, tmp_path):
     curves.draw(grown, tmp_path / "x.svg")
     text = (tmp_path / "x.svg").read_text()
     assert all(panel.title in text for panel in curves.PANELS.values()) and "16.7 min" in text
+    assert "libraries and workers" in text and "fresh memory" not in text, "it is written at points that are there"
+
+
+def test_notes_stand_where_there_is_room():
+    """On neither of the lines, nor on each other, and wholly within the axes; near their point for all that."""
+    axes = Page(figsize=(4, 3)).subplots()
+    FigureCanvasAgg(axes.figure)
+    lines = [axes.plot([0, 10], ys)[0] for ys in ([0, 10], [4, 4])]
+    axes.figure.canvas.draw()
+    room, point = axes.get_window_extent(), axes.transData.transform((9, 9))
+    one = curves._write_near(axes, "what bends it,\nin two lines", (9, 9), [])
+    other = curves._write_near(axes, "what bends it,\nin two lines", (9, 9), [one])
+    assert not one.overlaps(other)
+    for box in (one, other):
+        assert all(room.contains(*corner) for corner in (box.p0, box.p1))
+        assert not any(line.get_path().transformed(line.get_transform()).intersects_bbox(box, False) for line in lines)
+        assert np.hypot(*(box.p0 + box.p1) / 2 - point) < 120
 
 
 def test_figures_are_rounded_to_be_read():
