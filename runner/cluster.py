@@ -70,6 +70,9 @@ class _Scheduled:
         error = future.exception()
         return [future], f"{error.allowed_failures + 1} workers died that had it, the last on {error.last_worker.host}"
 
+    def end_hung(self) -> None:
+        """The scheduler gives up a worker that says nothing for long (`distributed.scheduler.worker-ttl`), as one that died."""
+
     def end(self) -> None:
         self.executor.shutdown(wait=False)
 

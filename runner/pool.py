@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import SpawnContext, SpawnProcess
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from types import ModuleType
 from typing import Protocol
 
@@ -18,6 +20,7 @@ from runner.errors import RunError
 from runner.worker import Task
 
 FEW = 8  # tasks a place
+LOOK = 1.0  # s between two looks whether a process stands still
 
 Told = Callable[[Task, str], None]
 Lost = Callable[[Task, str, int], bool]
@@ -33,6 +36,9 @@ class Place(Protocol):
 
     def renew(self, future: Future | None) -> tuple[list[Future], str]:
         """Make good for a process that died: what fell with it, first what it was at, and how it died."""
+
+    def end_hung(self) -> None:
+        """Have a process die that is behind its deadline, and cannot end itself."""
 
     def end(self) -> None:
         """End it at once."""
@@ -89,7 +95,12 @@ class Workers:
                     continue
                 place.handed[future] = todo.popleft()
                 future.add_done_callback(lambda future, place=place: back.put((place, future)))
-            place, future = back.get()
+            for place in self.places:
+                place.end_hung()
+            try:
+                place, future = back.get(timeout=LOOK)
+            except Empty:
+                continue
             if future not in place.handed:
                 continue  # it fell with another
             try:
@@ -128,18 +139,24 @@ class _Own:
         self._start()
 
     def _start(self) -> None:
-        self.context = _Context()
-        self.executor = ProcessPoolExecutor(1, self.context, initializer=worker.settle_in)
+        self.context, self.stood_still = _Context(), False
+        self.deadline = self.context.Value("d", math.inf, lock=False)  # in shared memory
+        self.executor = ProcessPoolExecutor(1, self.context, initializer=worker.settle_in, initargs=(self.deadline,))
 
     def renew(self, future: Future | None) -> tuple[list[Future], str]:
         self.executor.shutdown()  # after it all that it was handed has an outcome, and the process its exit code
-        exitcode = self.context.process.exitcode
+        cause = worker.STOPPED if self.stood_still else _cause(self.context.process.exitcode)
         self._start()
-        return [each for each in self.handed if isinstance(each.exception(), self.deaths)], _cause(exitcode)
+        return [each for each in self.handed if isinstance(each.exception(), self.deaths)], cause
+
+    def end_hung(self) -> None:
+        if time.monotonic() > self.deadline.value:
+            self.stood_still = True
+            self.end()
 
     def end(self) -> None:
         if self.context.process and self.context.process.pid:
-            self.context.process.terminate()
+            self.context.process.kill()  # SIGTERM is nothing to one that is stopped
 
 
 class _Context(SpawnContext):

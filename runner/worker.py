@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import faulthandler
 import gc
+import math
 import multiprocessing
 import os
 import shutil
@@ -26,11 +27,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from runner import claims, store
 
 ELSEWHERE = "elsewhere"  # what comes of a run that another sweep is making
+STOPPED = "its worker stood still"
 TRIES = 2  # of a run whose worker dies
 GRACE = 5.0  # s after the timeout, for a run to stop by itself and to write what it has
+PATIENCE = 15.0  # s after the timeout, for a process that cannot end itself, since it is stopped
 LINES = 200  # of last words
 
 if TYPE_CHECKING:
+    from ctypes import c_double
+
     from runner.result import Result
 
 
@@ -48,8 +53,16 @@ class Task(NamedTuple):
     wait: bool = False  # for another sweep that is making the run
 
 
-def settle_in() -> None:
-    """Start of a worker: Ctrl-C is the parent's to handle, and when the parent dies it is the end of the worker, too."""
+_deadline = None  # shared with the parent, if that looks at it
+
+
+def settle_in(deadline: c_double | None = None) -> None:
+    """Start of a worker: Ctrl-C is the parent's to handle, and when the parent dies it is the end of the worker, too.
+
+    Up to the `deadline`, in time.monotonic(), the parent waits for what it is at.
+    """
+    global _deadline
+    _deadline = deadline
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: also where a kernel lets no thread run
@@ -110,12 +123,19 @@ def _heard(words: FileIO, timeout: float | None) -> Iterator[None]:
         faulthandler.enable(2)
     if timeout is not None:
         faulthandler.dump_traceback_later(timeout + GRACE, exit=True, file=2)
+        _have_until(time.monotonic() + timeout + PATIENCE)
     try:
         yield
     finally:
+        _have_until(math.inf)
         faulthandler.cancel_dump_traceback_later()
         os.dup2(ours, 2)
         os.close(ours)
+
+
+def _have_until(deadline: float) -> None:
+    if _deadline:
+        _deadline.value = deadline
 
 
 def perform(task: Task) -> str:
@@ -166,11 +186,12 @@ def _simulate(task: Task, stop: Callable[[], bool]) -> Result:
 def report_death(task: Task, cause: str, tries: int) -> str | None:
     """Publish, from the parent, a run whose worker died by it; returns its status, None where it is to be tried again."""
     words = claims.last_words(task.aside, task.run_id).splitlines()[-LINES:]
-    hung = any(line.startswith("Timeout (") for line in words)  # faulthandler's
-    if not hung and tries < TRIES:
-        return None
-    if hung:
+    if any(line.startswith("Timeout (") for line in words):  # faulthandler's
         told = {"status": "timeout", "error": f"hung, and was ended after {task.timeout + GRACE:g} s"}
+    elif cause == STOPPED:
+        told = {"status": "timeout", "error": f"{STOPPED}, and was ended after {task.timeout + PATIENCE:g} s"}
+    elif tries < TRIES:
+        return None
     else:
         told = {"status": "crashed", "error": f"{cause}: {words[0]}" if words else cause}
     with claims.claim(task.aside, task.run_id, wait=True):

@@ -114,16 +114,18 @@ def hurt(task: worker.Task) -> str:
                 os.kill(os.getpid(), signal.SIGKILL)
             case 4:
                 ctypes.PyDLL(None).sleep(100)  # in C, and no other thread can run
+            case 9:
+                os.kill(os.getpid(), signal.SIGSTOP)  # no thread runs
         return PERFORM(task)
 
     worker.perform = perform
-    if task.parameters["balls"]["mass"] == 4:
-        worker.GRACE, task = 0.2, task._replace(timeout=0.1)
+    if task.parameters["balls"]["mass"] in (4, 9):
+        worker.GRACE, worker.PATIENCE, task = 0.2, 2.0, task._replace(timeout=0.1)
     return TAKE(task)
 
 
 def test_a_run_that_crashes_or_hangs_costs_no_other(here, fall, monkeypatch):
-    Path("x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2, 3, 4, 5, 6, 7, 8]}\n")
+    Path("x.yaml").write_text(fall + "matrix: {balls.mass: [1, 2, 3, 4, 5, 6, 7, 8, 9]}\n")
     work, heard = plan.plan(config.load("x.yaml"), Path("outputs")), []
     progress = sweeping.Progress()
     progress.done = lambda run_id, status: heard.append(status)
@@ -131,9 +133,10 @@ def test_a_run_that_crashes_or_hangs_costs_no_other(here, fall, monkeypatch):
         patch.setattr(worker, "take", hurt)
         sweeping.carry_out(work, jobs=2, timeout=60, progress=progress)
 
-    assert sorted(heard) == ["crashed"] * 2 + ["finished"] * 5 + ["timeout"] and left_behind(here) == []
+    assert sorted(heard) == ["crashed"] * 2 + ["finished"] * 5 + ["timeout"] * 2 and left_behind(here) == []
     reports = {report["parameters"]["balls"]["mass"]: report for report in store.read_runs(work.folder)}
     assert [reports[mass]["status"] for mass in range(1, 9)] == ["finished", "crashed", "crashed", "timeout"] + ["finished"] * 4
+    assert (reports[9]["status"], reports[9]["error"]) == ("timeout", "its worker stood still, and was ended after 75 s")
     assert reports[2]["error"] == "its worker died by SIGSEGV: Fatal Python error: Segmentation fault"
     assert any("in string_at" in line for line in reports[2]["last_words"])
     assert (reports[3]["error"], reports[3]["last_words"]) == ("its worker died by SIGKILL", [])
@@ -141,7 +144,7 @@ def test_a_run_that_crashes_or_hangs_costs_no_other(here, fall, monkeypatch):
     assert any("in perform" in line for line in reports[4]["last_words"])
 
     again = plan.plan(config.load("x.yaml"), Path("outputs"), retry_failed=True)
-    assert {run.setup.balls.mass for run in again.todo} == {2, 3, 4}
+    assert {run.setup.balls.mass for run in again.todo} == {2, 3, 4, 9}
 
 
 # Stopped from outside
@@ -199,9 +202,13 @@ def at_work(tmp_path):
         sweep.communicate()
 
 
-@pytest.mark.parametrize("way", ["Ctrl-C", "Ctrl-C twice", "SIGTERM"])
+@pytest.mark.parametrize("way", ["Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGTERM, and a worker is stopped"])
 def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_later(tmp_path, at_work, carom_process, way):
-    if way == "SIGTERM":
+    if way.startswith("SIGTERM"):
+        if "stopped" in way:
+            victim = workers(at_work)[0]
+            os.kill(victim, signal.SIGSTOP)
+            until(lambda: ") T " in Path(f"/proc/{victim}/stat").read_text())
         at_work.terminate()
     else:
         os.killpg(at_work.pid, signal.SIGINT)  # as a terminal does
