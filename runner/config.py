@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import chain, islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ValidationError, create_model
+from pydantic_core import PydanticCustomError
 
 import sim
 from runner import chart
@@ -19,11 +20,31 @@ from runner.columns import COLUMNS
 from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault, InputError
 from runner.expect import unknown_columns
-from runner.faults import explain, outline
-from runner.limits import MOST_LOOKED_AT, MOST_PLANNED, MOST_TOLD
-from runner.matrix import Matrix, Values, parse
-from runner.schema import Expectation, File, Setup
+from runner.faults import explain, misfit, outline
+from runner.limits import MOST_LOOKED_AT, MOST_PLANNED, MOST_SEARCHED, MOST_TOLD
+from runner.matrix import Matrix, Setting, Values, parse
+from runner.schema import Expectation, File, Model, Setup
 from runner.settings import canonical, leaves, with_value
+
+
+class Parts:
+    """The parts of setups as JSON holds them. Runs of a sweep have most in common: each part is looked at once, and shared."""
+
+    def __init__(self):
+        self._known: dict[int, tuple[Any, Any, str]] = {}  # the part, too, so that its id stays its own
+
+    def plain(self, part: Any) -> Any:
+        """Not to be changed."""
+        return self._looked_at(part)[1]
+
+    def text(self, part: Any) -> str:
+        return self._looked_at(part)[2]
+
+    def _looked_at(self, part: Any) -> tuple[Any, Any, str]:
+        if id(part) not in self._known:
+            plain = part.model_dump(mode="json") if isinstance(part, BaseModel) else part
+            self._known[id(part)] = part, plain, json.dumps(plain, sort_keys=True, separators=(",", ":"))
+        return self._known[id(part)]
 
 
 @dataclass(frozen=True)
@@ -33,22 +54,19 @@ class Run:
     setup: Setup
     folder: Path  # that file names in the setup are relative to
     origins: Mapping[Path_, Path_] = field(default_factory=dict)  # path of a setting that varies -> where in the document
-    base: Run | None = None  # the run of the file's own values, with which it shares what does not vary
+    parts: Parts = field(default_factory=Parts, compare=False)
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
         """The resolved configuration as JSON would hold it; not to be changed, as runs share parts of it."""
-        shared = self.base.setup if self.base else None
-        return {
-            name: self.base.parameters[name] if shared and part is getattr(shared, name) else _plain(part)
-            for name, part in self.setup
-        }
+        return {name: self.parts.plain(part) for name, part in self.setup}
 
     @cached_property
     def run_id(self) -> str:
         """A readable prefix and a hash of everything that can change the result; the same on every machine."""
-        content = json.dumps([sim.ANSWERS, self.parameters], sort_keys=True, separators=(",", ":"))
-        setup, digest = self.setup, hashlib.sha256(content.encode()).hexdigest()
+        setup = self.setup
+        content = ",".join(f'"{name}":{self.parts.text(part)}' for name, part in sorted(setup))
+        digest = hashlib.sha256(f"[{sim.ANSWERS},{{{content}}}]".encode()).hexdigest()
         return f"{setup.solver.method}-m{setup.balls.mass:g}-d{setup.scene.damping:g}-{digest[:12]}"
 
 
@@ -74,15 +92,21 @@ class Experiment:
         if self.matrix.size > MOST_PLANNED:
             reason = f"makes {self.matrix.size:,} runs; one experiment may have {MOST_PLANNED:,}"
             raise InputError(Fault(self.document.place(("matrix",)), "matrix", reason))
-        runs, faults = {}, {}
-        for values in self.matrix.combinations(self.base.parameters):
-            try:
-                run = _run(self.document, values, self.base)
-                runs.setdefault(run.run_id, run)
-            except InputError as error:
-                faults.update(dict.fromkeys(error.faults))
-                if len(faults) > MOST_TOLD:
-                    break
+        make, faults, runs = _Maker(self.document, self.base), {}, {}
+
+        def made(combinations: Iterator[Values]) -> Iterator[Run]:
+            for values in combinations:
+                try:
+                    yield make(values)
+                except InputError as error:
+                    faults.update(dict.fromkeys(error.faults))
+                    if len(faults) > MOST_TOLD:
+                        raise InputError(*faults) from None
+
+        for _ in made(self.matrix.each_value(self.base.parameters)):
+            pass  # what is wrong by itself is found before time goes into all combinations
+        for run in made(islice(self.matrix.combinations(self.base.parameters), MOST_SEARCHED if faults else None)):
+            runs.setdefault(run.run_id, run)
         if not (faults or runs):
             faults[Fault(self.document.place(("matrix", "exclude")), "matrix.exclude", "drops every run")] = None
         if faults:
@@ -135,34 +159,59 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
 
 
-def _run(document: Document, values: Values, base: Run | None = None) -> Run:
-    """The run of the file's own settings with `values` instead. Of a sweep of many, only the parts with a value are checked
-    anew; the others are those of `base`, the run without `values`."""
+def _run(document: Document, values: Values) -> Run:
+    """The run of the file's own settings with `values` instead, checked as a whole."""
     data = {key: value for key, value in document.data.items() if key in Setup.model_fields}
     for key, setting in values.items():
         data = with_value(data, split(key), setting.value)
     origins = {split(key): setting.origin for key, setting in values.items()}
-    if base:
-        parts, context = dict(base.setup), {"folder": document.folder}
-        try:
-            for name in {path[0] for path in origins}:
-                parts[name] = _part(name).validate_json(_json(data[name]), strict=True, context=context)
-            return Run(Setup.model_validate(parts, context=context), document.folder, origins, base)
-        except ValidationError:
-            pass  # what is wrong is told from the whole
     return Run(_validate(Setup, data, document, origins), document.folder, origins)
 
 
+class _Maker:
+    """Makes the runs of a matrix: `base` with other values. Each part that some of them have alike is checked once, and shared."""
+
+    def __init__(self, document: Document, base: Run):
+        self.document, self.base = document, base
+        self.checked: dict[tuple, Any] = {}  # by its name and the values in it: the part, or what is wrong with it
+        self.split = cache(split)
+
+    def __call__(self, values: Values) -> Run:
+        """Raises InputError with all that is wrong with the run."""
+        origins, inside = {}, {}
+        for key, setting in values.items():
+            path = self.split(key)
+            origins[path] = setting.origin
+            inside.setdefault(path[0], {})[path] = setting
+        parts = {name: self._part(name, settings) for name, settings in inside.items()}
+        if wrong := [each for each in parts.values() if isinstance(each, InputError)]:
+            raise InputError(*(fault for error in wrong for fault in error.faults))
+        setup = self.base.setup.model_copy(update=parts)
+        try:
+            setup.fit(self.document.folder)
+        except PydanticCustomError as error:
+            raise InputError(misfit(error, self.document, origins)) from None
+        return Run(setup, self.document.folder, origins, self.base.parts)
+
+    def _part(self, name: str, settings: dict[Path_, Setting]) -> Any:
+        key = name, *map(id, settings.values())
+        if key not in self.checked:
+            data = {name: self.document.data.get(name)}
+            for path, setting in settings.items():
+                data = with_value(data, path, setting.value)
+            try:
+                origins = {path: setting.origin for path, setting in settings.items()}
+                self.checked[key] = getattr(_validate(_only(name), data, self.document, origins), name)
+            except InputError as error:
+                self.checked[key] = error
+        return self.checked[key]
+
+
 @cache
-def _part(name: str) -> TypeAdapter:
-    """What checks the part `name` of a setup."""
+def _only(name: str) -> type[BaseModel]:
+    """The model of a setup that has but this part."""
     field = Setup.model_fields[name]
-    return TypeAdapter(Annotated[field.annotation, field])
-
-
-def _plain(part: Any) -> Any:
-    """A part of a setup as JSON would hold it."""
-    return part.model_dump(mode="json") if isinstance(part, BaseModel) else part
+    return create_model("Setup", __base__=Model, **{name: (field.annotation, field)})
 
 
 def _validate(model: type[BaseModel], data: Any, document: Document, origins: Mapping[Path_, Path_] = {}) -> Any:

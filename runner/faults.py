@@ -7,6 +7,7 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
 from runner.document import Document, Path_, dotted, split, suggestion
 from runner.errors import Fault
@@ -38,6 +39,12 @@ def explain(
         reason = _reason(each, path, model)
         faults.append(Fault(document.place(origin(path, origins)), dotted(path), reason))
     return faults
+
+
+def misfit(error: PydanticCustomError, document: Document, origins: Mapping[Path_, Path_]) -> Fault:
+    """The fault of settings that are right, but do not go together."""
+    path = split(error.context["field"])
+    return Fault(document.place(origin(path, origins)), dotted(path), error.context["reason"])
 
 
 def _path(loc: tuple, data: Any, absent: bool) -> Path_:

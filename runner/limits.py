@@ -13,8 +13,9 @@ MOST_TOLD = 100  # mistakes: nobody reads more at once, and looking for what was
 LONGEST_LINE = 500  # characters of a mistake
 LONGEST_NAME, MOST_NAMES = 100, 300  # characters and names among which to look for what was meant: up to 6 ms
 MOST_LOOKED_AT = 1_000_000  # values, in search of further mistakes: some 1 us each
+MOST_SEARCHED = 10_000  # runs of a matrix, the same: some 0.03 ms each, or 0.1 ms where they have little in common
 
-MOST_PLANNED = 1_000_000  # a plan takes some 5 kB of memory a run
+MOST_PLANNED = 1_000_000  # a plan takes some 2 kB of memory a run
 
 # Reading a mesh takes some 10 times its file in memory; ten million triangles are 500 MB in the plainest format.
 LARGEST_MESH = 500_000_000  # bytes

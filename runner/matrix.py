@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -44,11 +44,22 @@ class Matrix:
     def combinations(self, parameters: dict[str, Any]) -> Iterator[Values]:
         """The values of each run; `parameters` are those of the file itself, for `exclude` to look at."""
         if self.axes or not self.include:
-            for alternatives in itertools.product(*self.axes):
-                values = {key: setting for part in alternatives for key, setting in part.items()}
-                if not any(_matches(pattern, values, parameters) for pattern in self.exclude):
-                    yield values
+            yield from self._kept(itertools.product(*self.axes), parameters)
         yield from self.include
+
+    def each_value(self, parameters: dict[str, Any]) -> Iterator[Values]:
+        """Those of the combinations that have each value with the first of all others, and with the last."""
+        for end in (0, -1):
+            others = [axis[end] for axis in self.axes]
+            crossing = ([*others[:place], each, *others[place + 1 :]] for place, axis in enumerate(self.axes) for each in axis)
+            yield from self._kept(crossing, parameters)
+        yield from self.include
+
+    def _kept(self, combinations: Iterable[Sequence[Values]], parameters: dict[str, Any]) -> Iterator[Values]:
+        for alternatives in combinations:
+            values = {key: setting for part in alternatives for key, setting in part.items()}
+            if not any(_matches(pattern, values, parameters) for pattern in self.exclude):
+                yield values
 
 
 def _matches(pattern: dict[str, Any], values: Values, parameters: dict[str, Any]) -> bool:

@@ -72,10 +72,11 @@ def model_of(cls: type, tag: dict[str, str] | None = None, **instead: Any) -> ty
             default = Field(default_factory=field.default_factory)
         options[field.name] = (instead.get(field.name, hints[field.name]), default)
 
-    make = lru_cache(cls)  # most runs of a sweep hold the same shapes and fields, and each builds them a few times
+    make = lru_cache(4096)(cls)  # most runs of a sweep hold the same shapes and fields, and each builds them a few times
 
     def build(self, folder: Path):
-        values = {name: built(getattr(self, name), folder) for name in options}
+        values = {name: getattr(self, name) for name in options}
+        values |= {name: built(values[name], folder) for name in instead}  # no other holds models
         return cls(**values) if any(isinstance(value, dict) for value in values.values()) else make(**values)
 
     tags = {key: (Literal[value], ...) for key, value in (tag or {}).items()}
@@ -191,13 +192,17 @@ class Setup(Model):
 
     @model_validator(mode="after")
     def _fits(self, info: ValidationInfo):
+        self.fit(folder(info))
+        return self
+
+    def fit(self, folder: Path) -> None:
+        """Raises PydanticCustomError for parts that are right, but do not go together."""
         if self.balls.mass > self.scene.wall_mass:
             reason = f"must be <= scene.wall_mass = {self.scene.wall_mass:g}"
             raise PydanticCustomError("invalid", "{reason}", {"reason": reason, "field": "balls.mass"})
-        count = attempt(partial(self.balls.source(folder(info)).number, self.duration), "balls.emitter.")
+        count = attempt(partial(self.balls.source(folder).number, self.duration), "balls.emitter.")
         attempt(partial(check_records, count, self.duration, self.record.every), "record.")
-        attempt(partial(self.solver.build(folder(info)).check_steps, self.duration), "solver.")
-        return self
+        attempt(partial(self.solver.build(folder).check_steps, self.duration), "solver.")
 
 
 class Expectation(Model):

@@ -24,6 +24,7 @@ from tests.conftest import FALL
 SCATTER = FALL.replace("released: [{position: [0, 1, 0]}]", "scatter: {count: 10, box: [[0, 1, 0], [1, 2, 1]]}")
 EMITTER = FALL.replace("released: [{position: [0, 1, 0]}]", "emitter: {position: [0, 1, 0], direction: [0, 1, 0], rate: 5}")
 AXIS = ", ".join(f"0.{n:04}" for n in range(1, 2001))
+NINES = ", ".join(f"0.{n:04}" for n in range(1, 1000))
 BILLIONS = FALL + f"matrix: {{balls.mass: [{AXIS}], balls.radius: [{AXIS}], solver.step: [{AXIS}]}}\n"
 
 
@@ -50,6 +51,13 @@ FILES = {
     "a name that is no index": (FALL + "matrix: {balls.\u00b2: [1]}\n", "11:10: matrix.balls.\u00b2: ", "there is no setting"),
     "an index that is none": (FALL + f"matrix: {{balls.released.{'9' * 500}: [1]}}\n", "11:10: matrix.balls.released.999", "..."),
     "billions of runs": (BILLIONS, "11:1: matrix: ", "makes 8,000,000,000 runs; one experiment may have 1,000,000"),
+    "a value late in a million runs": (
+        FALL + f"matrix: {{balls.mass: [{NINES}, -1], solver.step: [{NINES}, 1]}}\n", "11:8015: balls.mass: ", "must be > 0, not -1"
+    ),
+    "two values late in a million runs": (
+        FALL + f"matrix: {{balls.mass: [{NINES}, 199], scene.wall_mass: [{NINES.replace('0.', '200.')}, 198]}}\n",
+        "11:8015: balls.mass: ", "must be <= scene.wall_mass = 198",
+    ),
     "balls scattered": (SCATTER.replace("count: 10", "count: 1e12"), "7:13: balls.scatter.count: ", "must be <= 1e+07"),
     "balls emitted": (EMITTER.replace("rate: 5", "rate: 1e300"), "7:56: balls.emitter.rate: ", "lets out 2e+299 balls"),
     "frames": (FALL.replace("duration: 0.2", "duration: 1e9"), "10:1: record.every: ", "makes 1e+11 records"),

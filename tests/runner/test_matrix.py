@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from runner import config, document, execute
+from runner.errors import InputError
 from runner.record import hdf5
 from runner.settings import leaves, value_at, with_value
 
@@ -267,6 +268,27 @@ def test_the_order_in_the_file_does_not_change_a_byte(here):
 def test_the_readable_part_tells_method_mass_and_damping(here):
     run = load(EVERYTHING, balls__mass=0.1, scene__damping=1e-3, solver__method="rk4_original").base
     assert run.run_id.startswith("rk4_original-m0.1-d0.001-") and len(run.run_id.rsplit("-")[-1]) == 12
+
+
+MISTAKES = """\
+matrix:
+  balls.mass: [1, 150, -1, 300]
+  zip: [{scene.wall_mass: [200, 100, -2], scene.damping: [0, 0.6, 2]}, {balls.radius: [1, x], solver.step: [0.1, 0]}]
+  duration: [1, 1e300]
+  include: [{balls.mass: 250}, {scene.surfaces: {floor: {shape: bal}}}, {solver.step: 1e-300, duration: 2}]
+"""
+
+
+def test_what_is_wrong_with_any_run_is_told_as_each_alone_would(here, fall):
+    experiment, alone = load(fall + MISTAKES), set()
+    for values in experiment.matrix.combinations(experiment.base.parameters):
+        try:
+            config._run(experiment.document, values)
+        except InputError as error:
+            alone.update(error.faults)
+    with pytest.raises(InputError) as together:
+        experiment.runs()
+    assert set(together.value.faults) == alone and len(alone) == len(together.value.faults) == 12
 
 
 @pytest.mark.parametrize("name", ["smoke", "baffles"])
