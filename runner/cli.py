@@ -9,7 +9,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from runner.errors import InputError, RunError
+from runner.errors import InputError, RunError, one_line
 
 app = typer.Typer(
     help="Sweeps of bouncing balls: a YAML grid becomes trajectories, recordings, a summary and charts.",
@@ -111,7 +111,7 @@ def status(
     if others:
         print(f"{others} more runs are there, of other settings")
     for report in bad:
-        print(f"{report['run_id']}: {report['status']}: {report['error']}")
+        print(_failure(report))
 
 
 @app.command()
@@ -351,7 +351,7 @@ def _judge(work, check: bool, quiet: bool) -> bool:
     broken = [verdict for verdict in verdicts if not verdict.holds]
     bad = [report for report in reports if failed(report)]
     for report in bad:
-        print(f"{report['run_id']}: {report['status']}: {report['error']}", file=sys.stderr)
+        print(_failure(report), file=sys.stderr)
     for verdict in verdicts if check else []:
         if not quiet or not verdict.holds:
             print(verdict, file=sys.stderr)
@@ -360,3 +360,8 @@ def _judge(work, check: bool, quiet: bool) -> bool:
         tally = terminal.tally(Counter(report["status"] for report in reports))
         print(", ".join(filter(None, [tally, told])) + f"; see `carom summary {work.folder}`", file=sys.stderr)
     return not bad and not (check and broken)
+
+
+def _failure(report: dict) -> str:
+    """What became of a failed run, on a line."""
+    return one_line(f"{report['run_id']}: {report['status']}: {report['error']}")

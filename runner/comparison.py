@@ -11,7 +11,7 @@ import numpy as np
 
 from runner import config, store
 from runner.columns import TIMED
-from runner.errors import InputError
+from runner.errors import InputError, one_line
 from runner.record import hdf5
 
 UNITS = {"position": "m", "velocity": "m/s"}
@@ -91,7 +91,7 @@ def _figures(ours: dict, theirs: dict, rtol: float) -> Iterator[Difference]:
         if name in TIMED or x == y:
             continue
         if not all(isinstance(value, (int, float)) for value in (x, y)):
-            yield Difference(name, f"{name} {x} and {y}")
+            yield Difference(name, one_line(f"{name} {x} and {y}"))
         elif (size := abs(x - y) / max(abs(x), abs(y))) > rtol:
             yield Difference(name, f"{name} {x} and {y} (relative {size:.2g})", size)
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from runner.document import Document, dotted, suggestion
-from runner.errors import Fault
+from runner.errors import Fault, one_line
 from runner.schema import Expectation
 from runner.settings import canonical, leaves
 
@@ -30,7 +30,7 @@ class Verdict(NamedTuple):
         if not self.broken:
             return f"{told} ({self.runs} runs)"
         run_id, value = self.broken[0]
-        return f"{told}: {len(self.broken)} of {self.runs} runs break it, {run_id} has {value}"
+        return f"{told}: {len(self.broken)} of {self.runs} runs break it, {run_id} has {one_line(str(value))}"
 
 
 def describe(expectation: Expectation) -> str:

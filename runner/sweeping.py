@@ -222,8 +222,10 @@ def draw(folder: Path, experiment: Experiment, runs: Sequence[Run], table: pyarr
 
 def is_finished(work: Plan) -> bool:
     """Whether the folder holds all of the plan already, summary, charts and report made from the same file."""
+    made_from = work.folder / store.EXPERIMENT
+    if work.todo or not made_from.is_file() or made_from.read_bytes() != work.experiment.document.text().encode():
+        return False
     try:
-        same = (work.folder / store.EXPERIMENT).read_text(encoding="utf-8") == work.experiment.document.text()
         charts = len(os.listdir(work.folder / chart.FOLDER)) if work.experiment.charts else 0
     except (FileNotFoundError, NotADirectoryError):
         return False
@@ -231,4 +233,4 @@ def is_finished(work: Plan) -> bool:
     # written last: a sweep that was stopped before has older ones, or none
     made = (work.folder / store.RUNS).stat().st_mtime
     fresh = all(path.exists() and path.stat().st_mtime >= made for path in summaries)
-    return not work.todo and same and fresh and charts >= 2 * len(work.experiment.charts)  # PNG and SVG
+    return fresh and charts >= 2 * len(work.experiment.charts)  # PNG and SVG

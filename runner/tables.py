@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner import aggregate, expect, store
 from runner.document import suggestion
-from runner.errors import InputError
+from runner.errors import InputError, one_line
 from runner.plan import existing
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def print_rows(title: str, headings: list[str], rows: list[list[str]]) -> None:
 def text(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else one_line(str(value))
 
 
 def _is_number(word: str) -> bool:

@@ -1,6 +1,7 @@
 """Outputs that somebody has changed on purpose, and sealed anew: every command ends in lines, never in a traceback."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -119,3 +120,32 @@ def test_a_packed_recording_that_is_another(harmed, carom):
     files = json.loads((entry / store.MEMBERS).read_text())["files"]
     reseal(entry / store.MEMBERS, files=files | {"recordings.rrd": seal.checksum(entry / "recordings.rrd")})
     ends_in_lines(carom, "packed")
+
+
+def test_a_report_that_tells_of_lines_is_told_on_one(harmed, carom):
+    report, lines = first("single") / "run.json", "a\nb\x1b[31m"
+    told = json.loads(report.read_text())
+    settings = told["parameters"] | {"balls": told["parameters"]["balls"] | {"mass": lines}}
+    reseal(report, status="failed", error=lines, figures=told["figures"] | {"method": lines}, parameters=settings)
+    Path("single/x/summary.parquet").unlink()
+
+    code, _, err = carom("sweep", "x.yaml", "--out", "single", "--quiet", "--check")
+    assert (code, err.splitlines()[0]) == (1, f"{told['run_id']}: failed: a\\nb\\x1b[31m") and err.count("\n") == 2
+    _, out, _ = carom("status", "single/x")
+    assert out.splitlines() == ["done 3, failed 1, todo 0", err.splitlines()[0]]
+    _, out, _ = carom("summary", "single/x")
+    assert [line for line in out.splitlines() if "failed" in line and "a\\nb\\x1b[31m" in line] and "\nb" not in out
+    reseal(report, parameters=told["parameters"])
+    _, out, _ = carom("compare", "single/x", "whole/x")
+    assert len(out.splitlines()) == 2 and "method a\\nb\\x1b[31m and explicit_euler" in out
+
+
+@pytest.mark.parametrize("text", [b"\xff\xfe", None], ids=["other bytes", "a pipe"])
+def test_an_experiment_that_is_no_text_is_written_again(harmed, carom, text):
+    path = Path("single/x", store.EXPERIMENT)
+    path.unlink()
+    path.write_bytes(text) if text else os.mkfifo(path)
+    code, _, err = carom("status", "single/x")
+    assert code == 2 and err.count("\n") == 1 and "single/x" in err
+    assert carom("sweep", "x.yaml", "--out", "single", "--quiet") == (0, "", "")
+    assert path.read_bytes() == Path("whole/x", store.EXPERIMENT).read_bytes()
