@@ -1,5 +1,6 @@
 """A disk that is full, or closed, in the middle of a sweep: one line, nothing half-written, and the same command goes on."""
 
+import ctypes
 import os
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 from runner import store
 from runner.disk import Disk
 
+READ_ONLY, REMOUNT = 1, 32  # of mount(2)
 TWELVE = f"duration: 40\nmatrix: {{balls.mass: {list(range(1, 13))}}}\n"  # of 238 kB each
 
 
@@ -77,29 +79,58 @@ def closed(folder: Path):
         subprocess.run(["chattr", "-i", folder], check=True) if root else folder.chmod(0o755)
 
 
+@contextmanager
+def read_only(disk: Path):
+    """Nothing on the disk may be changed; it must have a moment in which nobody writes."""
+    while remount(disk, READ_ONLY):
+        time.sleep(0.0001)
+    try:
+        yield
+    finally:
+        assert remount(disk, 0) == 0
+
+
+def remount(disk: Path, how: int) -> int:
+    return ctypes.CDLL(None).mount(None, os.fsencode(disk), None, REMOUNT | how, None)
+
+
+def ends_in_the_middle(carom, shut) -> None:
+    """A sweep of twelve runs fails in a line when `shut`, a context, begins after three of them, and is completed after it."""
+    runs, seen = Path("outputs/x/runs").absolute(), threading.Event()
+
+    def shut_in_the_middle():
+        while not seen.is_set() and len(store.done(runs.parent)) < 3:
+            time.sleep(0.001)
+        with shut:
+            seen.wait(60)
+
+    shutting = threading.Thread(target=shut_in_the_middle)
+    shutting.start()
+    code, out, err = carom("sweep", "x.yaml", "--jobs", "1", "--quiet")
+    seen.set()
+    shutting.join()
+    assert (code, out) == (1, "") and err.count("\n") == 1, err
+    assert err.startswith("cannot write outputs/x/runs/"), err
+    assert any(told in err for told in ("not permitted", "Permission denied", "Read-only")), err
+    done = store.done(runs.parent)
+    assert 3 <= len(done) < 12
+    assert {report["status"] for report in store.read_runs(runs.parent)} == {"finished"}
+    assert carom("sweep", "x.yaml", "--jobs", "1", "--quiet") == (0, "", "")
+    assert len(whole(Path("outputs/x"))) == 12
+
+
 def test_a_folder_that_is_closed_in_the_middle_is_told_in_a_line(here, carom, fall):
     if os.getuid() == 0:
         attempt("chattr", "+i", here)
         attempt("chattr", "-i", here)
     Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE))
-    runs, seen = Path("outputs/x/runs").absolute(), threading.Event()
+    ends_in_the_middle(carom, closed(here / "outputs/x/runs"))
 
-    def close_in_the_middle():
-        while len(store.done(runs.parent)) < 3:
-            time.sleep(0.001)
-        with closed(runs):
-            seen.wait(60)
 
-    closing = threading.Thread(target=close_in_the_middle)
-    closing.start()
-    code, out, err = carom("sweep", "x.yaml", "--jobs", "1", "--quiet")
-    seen.set()
-    closing.join()
-    assert (code, out) == (1, "") and err.count("\n") == 1, err
-    assert err.startswith("cannot write outputs/x/runs/") and ("not permitted" in err or "Permission denied" in err)
-    assert 3 <= len(store.done(runs.parent)) < 12
-    assert carom("sweep", "x.yaml", "--jobs", "1", "--quiet") == (0, "", "")
-    assert len(whole(Path("outputs/x"))) == 12
+def test_a_disk_that_becomes_read_only_in_the_middle_is_told_in_a_line(small, carom, fall):
+    attempt("mount", "-o", "remount,size=20m", small)
+    Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE))
+    ends_in_the_middle(carom, read_only(small))
 
 
 def test_the_first_error_of_a_file_is_raised_at_its_end(tmp_path):
