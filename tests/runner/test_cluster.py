@@ -3,16 +3,19 @@
 import asyncio
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from threading import Event, Thread
 from types import SimpleNamespace
 
 import pytest
 
 from runner import config, plan, store, sweeping, worker
+from runner.errors import RunError
 from tests.runner.test_workers import EIGHT, hurt, left_behind, noted, seeds, trajectories, until
 
 cluster = pytest.importorskip("runner.cluster", exc_type=ModuleNotFoundError)
@@ -85,8 +88,8 @@ class Disturbed(sweeping.Progress):
             self.dask.join()
 
 
-def sweep(path, out, **options):
-    work = plan.plan(config.load(path), Path(out))
+def sweep(path, out, overrides=None, **options):
+    work = plan.plan(config.load(path, overrides), Path(out))
     sweeping.carry_out(work, **options)
     return work
 
@@ -131,6 +134,26 @@ def test_a_run_that_kills_its_worker_or_hangs_is_told_and_costs_no_other(here, s
     }  # fmt: skip
     assert "1 workers died that had it, the last on 127.0.0.1: Fatal Python error: Seg" in reports[2]["error"]
     assert left_behind(here) == []
+
+
+def forgotten(task: worker.Task) -> str:
+    return "finished"  # in a folder that we do not see
+
+
+def test_runs_that_the_folder_does_not_show_are_waited_for_and_then_told(here, steady, fall, monkeypatch):
+    Path("x.yaml").write_text(fall)
+    made = sweep("x.yaml", "near/outputs", jobs=1).folder / store.RUNS
+    late = Thread(target=lambda: (shown.wait(), shutil.copytree(made, "far/outputs/x/runs", dirs_exist_ok=True)), daemon=True)
+    shown, progress = Event(), sweeping.Progress()
+    progress.done = lambda *_: shown.set()
+    monkeypatch.setattr(worker, "take", forgotten)
+    late.start()
+    work = sweep("x.yaml", "far/outputs", cluster=steady.address, progress=progress)
+    assert work.todo[0].run_id in store.done(work.folder)
+    late.join()
+    monkeypatch.setattr(sweeping, "SHOWN", 0)
+    with pytest.raises(RunError, match=f"^{here}/far/outputs/x: 1 runs were made but are not there: .*--gather"):
+        sweep("x.yaml", "far/outputs", {"balls.mass": 2}, cluster=steady.address)
 
 
 def test_without_a_scheduler_it_is_a_line(here, carom, fall, monkeypatch):

@@ -402,3 +402,21 @@ def test_a_chart_may_read_a_setting_that_does_not_vary(here, carom, inline, fall
     assert carom("sweep", "x.yaml").code == 0
     assert aggregate.read(here / "outputs" / "x")["solver.method"].to_pylist() == ["explicit_euler"]
     assert list((here / "outputs/x/charts").glob("*.png"))
+
+
+def test_seeds_that_no_float_can_hold_stay_what_they_are(here, carom, inline, fall):
+    """In the experiment's YAML, in JSON, in HDF5, and in the table."""
+    seeds = [2**53, 2**53 + 1, 2**64 - 2, 2**64 - 1]
+    start = "scatter: {count: 2, box: [[0, 1, 0], [1, 2, 1]]}"
+    Path("x.yaml").write_text(fall.replace("released: [{position: [0, 1, 0]}]", start))
+    assert carom("sweep", "x.yaml", "--quiet", "-s", f"balls.scatter.seed={','.join(map(str, seeds))}").code == 0
+    again = {run.run_id: run.setup.balls.scatter.seed for run in config.load("outputs/x/experiment.yaml").runs()}
+    told = {report["run_id"]: report["parameters"]["balls"]["scatter"]["seed"] for report in store.read_runs(Path("outputs/x"))}
+    written = {}
+    for run_id in told:
+        with h5py.File(f"outputs/x/runs/{run_id}/trajectory.h5") as file:
+            settings = json.loads(file["parameters/configuration"][()])
+        written[run_id] = config.resolve(settings, Path()).setup.balls.scatter.seed
+        assert config.resolve(settings, Path()).run_id == run_id
+    assert sorted(again.values()) == seeds and again == told == written
+    assert aggregate.read(Path("outputs/x"))["balls.scatter.seed"].to_pylist() == list(map(str, seeds))
