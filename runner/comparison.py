@@ -98,8 +98,8 @@ def _figures(ours: dict, theirs: dict, rtol: float) -> Iterator[Difference]:
 
 def _trajectories(ours: tuple[Path, str], theirs: tuple[Path, str], rtol: float) -> Iterator[Difference]:
     """Where the recorded trajectories differ; each is told by the entry that it lies in and its run."""
-    for name, unit in UNITS.items():
-        (time, x), (_, y) = (hdf5.read(*run, f"particles/balls/{name}") for run in (ours, theirs))
+    both = [hdf5.read(*run, *(f"particles/balls/{name}" for name in UNITS)) for run in (ours, theirs)]
+    for (name, unit), (time, x), (_, y) in zip(UNITS.items(), *both):
         if x.shape != y.shape:
             yield Difference(name, f"{name} of shape {x.shape} and {y.shape}")
             continue

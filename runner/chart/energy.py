@@ -113,7 +113,7 @@ def _curves(table: pyarrow.Table, folder: Path) -> tuple[dict[int, tuple[np.ndar
 
 def _residual(entry: Path, run_id: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Time and energy residual of a run at its finite frames; None where it has none. Raises Damaged."""
-    time, value = hdf5.read(entry, run_id, "observables/energy_residual")
+    ((time, value),) = hdf5.read(entry, run_id, "observables/energy_residual")
     finite = np.isfinite(value)
     return (time[finite], value[finite]) if finite.any() else None
 

@@ -85,8 +85,8 @@ def join(files: dict[str, Path], path: Path) -> None:
                 packed.copy(one["/"], packed, name=run_id)
 
 
-def read(entry: Path, run_id: str, element: str) -> tuple[np.ndarray, np.ndarray]:
-    """Time (frames,) and value (frames, ...) of an `element` of the run's file, in a folder of its own or packed.
+def read(entry: Path, run_id: str, *elements: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Time (frames,) and value (frames, ...) of each of the `elements` of the run's file, in a folder of its own or packed.
 
     Raises Damaged where the file cannot be read, or holds something else there.
     """
@@ -97,14 +97,17 @@ def read(entry: Path, run_id: str, element: str) -> tuple[np.ndarray, np.ndarray
     try:
         with h5py.File(path) as file:
             tree = file[run_id] if packed else file
-            time, value = (np.array(tree[f"{element}/{name}"], dtype=float) for name in ("time", "value"))
+            found = [
+                tuple(np.array(tree[f"{element}/{name}"], dtype=float) for name in ("time", "value")) for element in elements
+            ]
     except FileNotFoundError:
         raise Damaged(path, "missing") from None
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         raise Damaged(path, one_line(f"cannot be read: {error}")) from None
-    if time.ndim != 1 or value.shape[:1] != time.shape:
-        raise Damaged(path, f"holds no times with a value each at {element}")
-    return time, value
+    for element, (time, value) in zip(elements, found):
+        if time.ndim != 1 or value.shape[:1] != time.shape:
+            raise Damaged(path, f"holds no times with a value each at {element}")
+    return found
 
 
 def _numbers(result: Result) -> Numbers:
