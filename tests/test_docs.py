@@ -76,8 +76,12 @@ def test_the_files_to_start_a_cluster_with_can_be_read():
     cluster, scaler = YAML(typ="safe").load_all((ROOT / "docs/kubernetes.yaml").read_text(encoding="utf-8"))
     assert (cluster["kind"], scaler["kind"]) == ("DaskCluster", "DaskAutoscaler")
     assert scaler["spec"]["cluster"] == cluster["metadata"]["name"]
-    arguments = cluster["spec"]["worker"]["spec"]["containers"][0]["args"]
-    assert arguments[arguments.index("--nthreads") + 1] == "1"  # others are refused
+    for name, options in (("scheduler", []), ("worker", ["--nthreads", "1"])):  # others with several threads are refused
+        program, command, *arguments = cluster["spec"][name]["spec"]["containers"][0]["args"]
+        assert (program, command) == ("dask", name)
+        module = pytest.importorskip(f"distributed.cli.dask_{name}")
+        module.main.make_context(command, list(arguments))  # raises where it has no such option
+        assert " ".join(options) in " ".join(arguments)
     tree = ast.parse((ROOT / "docs/slurm.py").read_text(encoding="utf-8"))
     (sweep,) = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "sweep")
     assert {keyword.arg for keyword in sweep.keywords} <= set(inspect.signature(runner.sweep).parameters)
