@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 FILE, PACKED = "trajectory.h5", "trajectories.h5"
 VERSION = ("v110", "v110")  # of the format
 SMALL = 4_000_000  # bytes of numbers in a file that is put together in memory
+TEXT = 64  # bytes that a text takes, or a multiple
 
 UNITS = {
     "time": "s",
@@ -41,38 +43,36 @@ UNITS = {
     **dict.fromkeys(("kinetic_energy", "potential_energy", "work", "energy_lost", "energy_supplied", "energy_residual"), "J"),
 }
 
+EVENTS = {
+    "events/bounces": "Impacts in order of time: position is the ball's centre, normal points to the ball, speeds are before it.",
+    "events/rests": "In order of time: a ball comes to rest on a surface, or begins to slide on it.",
+}
+
 Numbers = dict[str, np.ndarray]  # by their place in the file
+Layout = tuple[tuple[str, tuple[int, ...], np.dtype], ...]  # place, shape and type of numbers
 FRAMES = "particles/balls/position"  # the element whose step and time all others share
 
 
 def write(result: Result, path: Path) -> None:
     """Write `result` to the new file `path`.
 
-    Most of a small file's cost is making its objects, not its bytes. So those that all runs of so many frames and balls have
-    are made once, in memory; a run puts its numbers where they belong there and adds what is its own.
+    Most of a small file's cost is making its objects, not its bytes. So what files have alike that hold as many numbers in
+    each place is made once, and what is written of a run is its numbers, in between.
 
     Raises OSError where the file cannot be written.
     """
     import h5py
 
-    numbers = _numbers(result)
-    if sum(values.nbytes for values in numbers.values()) > SMALL:
+    often, own, surfaces = _frames(result), _own(result), tuple(result.surfaces)
+    if sum(values.nbytes for values in (often | own).values()) > SMALL:
         with Disk(path) as disk, h5py.File(disk, "w", libver=VERSION) as file:
-            _write_alike(file, numbers)
-            _write_own(file.id, result)
+            _write_frames(file, often)
+            _write_own(file.id, own, surfaces)
         return
-    template, places = _template(tuple((place, values.shape, values.dtype) for place, values in numbers.items()))
-    image = bytearray(template)
-    for place, values in numbers.items():
-        image[places[place] : places[place] + values.nbytes] = values.tobytes()
-    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
-    access.set_fapl_core(block_size=65536, backing_store=False)
-    access.set_file_image(bytes(image))
-    file = h5py.h5f.open(FILE.encode(), h5py.h5f.ACC_RDWR, access)
-    _write_own(file, result)
-    h5py.h5f.flush(file)
-    path.write_bytes(file.get_file_image())
+    numbers = often | own
+    between, places = _skeleton(_layout(often), _layout(own), surfaces)
+    pieces = [np.ascontiguousarray(numbers[place]) for place in places]
+    path.write_bytes(b"".join(chain(*zip(between, pieces), between[-1:])))
 
 
 def join(files: dict[str, Path], path: Path) -> None:
@@ -110,7 +110,7 @@ def read(entry: Path, run_id: str, *elements: str) -> list[tuple[np.ndarray, np.
     return found
 
 
-def _numbers(result: Result) -> Numbers:
+def _frames(result: Result) -> Numbers:
     """All that there is a number of for each ball or frame."""
     balls, trajectory, energy = result.balls, result.trajectory, result.energy
     observables = {
@@ -133,18 +133,78 @@ def _numbers(result: Result) -> Numbers:
     }
 
 
+def _own(result: Result) -> Numbers:
+    """Events and parameters: what runs of as many frames and balls have more or less of."""
+    return {
+        "events/bounces": result.bounces,
+        "events/rests": result.rests,
+        "parameters/run_id": _text(result.run_id),
+        "parameters/configuration": _text(json.dumps(result.parameters, sort_keys=True)),
+        "parameters/versions": _text(json.dumps(_versions())),
+    }
+
+
+def _text(text: str) -> np.ndarray:
+    """It as UTF-8, with zeros after it up to a multiple of TEXT, so that texts of nearly the same length take the same place."""
+    content = text.encode()
+    return np.array(content, f"S{-(-len(content) // TEXT) * TEXT}")
+
+
+def _layout(numbers: Numbers) -> Layout:
+    return tuple((place, values.shape, values.dtype) for place, values in numbers.items())
+
+
+def _zeros(layout: Layout) -> Numbers:
+    return {place: np.zeros(shape, dtype) for place, shape, dtype in layout}
+
+
+@lru_cache(maxsize=256)  # of some 20 kB each
+def _skeleton(often: Layout, own: Layout, surfaces: tuple[str, ...]) -> tuple[list[bytes], list[str]]:
+    """What a file has before, between and after its numbers, and the places of the numbers in that order."""
+    import h5py
+
+    access = _access()
+    access.set_file_image(_image(often))
+    file = h5py.h5f.open(FILE.encode(), h5py.h5f.ACC_RDWR, access)
+    _write_own(file, _zeros(own), surfaces)
+    h5py.h5f.flush(file)
+    image = file.get_file_image()
+    places = sorted((offset, place) for place, *_ in often + own if (offset := _offset(file, place)) is not None)
+    sizes = {place: int(np.prod(shape)) * dtype.itemsize for place, shape, dtype in often + own}
+    starts = [0, *(offset + sizes[place] for offset, place in places)]
+    ends = [*(offset for offset, _ in places), len(image)]
+    return [image[start:end] for start, end in zip(starts, ends)], [place for _, place in places]
+
+
 @lru_cache(maxsize=4)
-def _template(layout: tuple[tuple[str, tuple[int, ...], np.dtype], ...]) -> tuple[bytes, dict[str, int]]:
-    """A file with zeros for the numbers of such places, shapes and types, and where in it each place's begin."""
+def _image(layout: Layout) -> bytes:
+    """A file with zeros for the numbers of each ball or frame, and nothing else yet."""
     import h5py
 
     with h5py.File(FILE, "w", libver=VERSION, driver="core", backing_store=False) as file:
-        _write_alike(file, {place: np.zeros(shape, dtype) for place, shape, dtype in layout})
+        _write_frames(file, _zeros(layout))
         file.flush()
-        return file.id.get_file_image(), {place: file[place].id.get_offset() or 0 for place, *_ in layout}
+        return file.id.get_file_image()
 
 
-def _write_alike(file: h5py.File, numbers: Numbers) -> None:
+def _access() -> h5py.h5p.PropFAID:
+    """How to open a file in memory."""
+    import h5py
+
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
+    access.set_fapl_core(block_size=65536, backing_store=False)
+    return access
+
+
+def _offset(file: h5py.h5f.FileID, place: str) -> int | None:
+    """Where in the file the numbers of a place begin; None where there are none."""
+    import h5py
+
+    return h5py.h5d.open(file, place.encode()).get_offset()
+
+
+def _write_frames(file: h5py.File, numbers: Numbers) -> None:
     """What runs of as many frames and balls have alike, but for the numbers."""
     header = file.create_group("h5md")
     header.attrs["version"] = np.array([1, 1], "i4")
@@ -168,20 +228,14 @@ def _write_alike(file: h5py.File, numbers: Numbers) -> None:
                 file[f"{element}/{name}"] = file[f"{FRAMES}/{name}"]
 
 
-def _write_own(file: h5py.h5f.FileID, result: Result) -> None:
+def _write_own(file: h5py.h5f.FileID, numbers: Numbers, surfaces: tuple[str, ...]) -> None:
     """Impacts, where balls came to rest, and parameters: by the C library's own calls, which cost a third of h5py's."""
-    for name, rows, description in (
-        ("bounces", result.bounces, "Impacts in order of time: position is the ball's centre, normal points to the ball, "
-         "speeds are before it."),
-        ("rests", result.rests, "In order of time: a ball comes to rest on a surface, or begins to slide on it."),
-    ):  # fmt: skip
-        dataset = _add_dataset(file, f"events/{name}", rows)
-        _add_attribute(dataset, "description", description)
-        _add_attribute(dataset, "units", json.dumps({column: UNITS[column] for column in rows.dtype.names}))
-        _add_attribute(dataset, "surfaces", list(result.surfaces))
-    _add_dataset(file, "parameters/run_id", _texts(result.run_id))
-    _add_dataset(file, "parameters/configuration", _texts(json.dumps(result.parameters, sort_keys=True)))
-    _add_dataset(file, "parameters/versions", _texts(json.dumps(_versions())))
+    for place, values in numbers.items():
+        dataset = _add_dataset(file, place, values)
+        if place in EVENTS:
+            _add_attribute(dataset, "description", EVENTS[place])
+            _add_attribute(dataset, "units", json.dumps({column: UNITS[column] for column in values.dtype.names}))
+            _add_attribute(dataset, "surfaces", list(surfaces))
 
 
 def _add_dataset(file: h5py.h5f.FileID, place: str, values: np.ndarray) -> h5py.h5d.DatasetID:
@@ -196,9 +250,10 @@ def _add_dataset(file: h5py.h5f.FileID, place: str, values: np.ndarray) -> h5py.
 
 
 def _add_attribute(dataset: h5py.h5d.DatasetID, name: str, value: str | list[str]) -> None:
+    import h5py
     from h5py import h5a, h5s
 
-    values = _texts(value)
+    values = np.array(value, h5py.string_dtype())
     h5a.create(dataset, name.encode(), _type(values.dtype), h5s.create_simple(values.shape)).write(values)
 
 
@@ -207,12 +262,6 @@ def _type(dtype: np.dtype) -> h5py.h5t.TypeID:
     from h5py import h5t
 
     return h5t.py_create(dtype, logical=True)
-
-
-def _texts(value: str | list[str]) -> np.ndarray:
-    import h5py
-
-    return np.array(value, h5py.string_dtype())
 
 
 @cache

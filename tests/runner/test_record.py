@@ -213,8 +213,9 @@ def test_h5_keeps_nothing_of_the_run_before(tmp_path):
     other = run(released=(0.1, 0.15, 0.25))
     hdf5.write(run(), tmp_path / "before")
     hdf5.write(other, tmp_path / "after")
-    assert hdf5._template.cache_info().hits
-    hdf5._template.cache_clear()
+    assert hdf5._skeleton.cache_info().hits
+    hdf5._skeleton.cache_clear()
+    hdf5._image.cache_clear()
     hdf5.write(other, tmp_path / "alone")
     assert (tmp_path / "after").read_bytes() == (tmp_path / "alone").read_bytes()
 
