@@ -121,17 +121,23 @@ def _balls(result: Result, frames: list[rr.TimeColumn]) -> Iterator[Chunk]:
 
     position = result.trajectory.position
     alive = ~np.isnan(position[:, :, 0])
-    counts = alive.sum(axis=1)
-    yield _columns("/balls", frames, rr.Points3D.columns(positions=position.astype("f4")[alive]).partition(counts))
+    points = rr.components.Position3DBatch(position.astype("f4")[alive])
+    yield _columns("/balls", frames, rr.Points3D.descriptor_positions(), points, alive.sum(axis=1))
 
     # A point is known by its place among those alive, so that its color need only be told where that changes.
     changed = np.flatnonzero(np.append(True, (alive[1:] != alive[:-1]).any(axis=1)))
-    colors = _colors(len(result.balls))[np.nonzero(alive[changed])[1]]
-    yield _columns(
-        "/balls",
-        _index(result.trajectory.time[changed], changed),
-        rr.Points3D.columns(colors=colors).partition(counts[changed]),
-    )
+    times = result.trajectory.time[changed]
+    yield _painted(times.tobytes(), changed.tobytes(), alive[changed].tobytes(), len(result.balls))
+
+
+@lru_cache(maxsize=4)  # balls that all live from first to last are painted alike in all recordings
+def _painted(times: bytes, frames: bytes, alive: bytes, balls: int) -> Chunk:
+    import rerun as rr
+
+    index = _index(np.frombuffer(times), np.frombuffer(frames, int))
+    shown = np.frombuffer(alive, bool).reshape(-1, balls)
+    colors = rr.components.ColorBatch(_colors(balls)[np.nonzero(shown)[1]])
+    return _columns("/balls", index, rr.Points3D.descriptor_colors(), colors, shown.sum(axis=1))
 
 
 def _trails(result: Result) -> Chunk:
@@ -147,9 +153,10 @@ def _trails(result: Result) -> Chunk:
     strips, owners = [], []
     for ball in shown:
         corners = bounces[bounces["ball"] == ball]
-        path = np.concatenate([positions[:, ball], corners["position"]])
-        path = path[np.argsort(np.concatenate([times, corners["time"]]), kind="stable")]
-        near = ((path >= low) & (path <= high)).all(axis=1)  # false where NaN
+        after = np.searchsorted(times, corners["time"], "right")
+        path = np.insert(positions[:, ball], after, corners["position"], axis=0)
+        x, y, z = ((path >= low) & (path <= high)).T  # false where NaN
+        near = x & y & z
         for start, stop in np.flatnonzero(np.diff(near, prepend=False, append=False)).reshape(-1, 2):
             strips.append(path[start:stop].astype("f4"))
             owners.append(ball)
@@ -165,7 +172,8 @@ def _bounces(result: Result) -> Chunk:
     bounces = _thinned(result.bounces, BOUNCE_MARKS)
     contact = bounces["position"] - result.balls.radius * bounces["normal"]
     index = _index(bounces["time"], np.searchsorted(result.trajectory.time, bounces["time"]))
-    return _columns("/bounces", index, rr.Points3D.columns(positions=contact.astype("f4")))
+    points = rr.components.Position3DBatch(contact.astype("f4"))
+    return _columns("/bounces", index, rr.Points3D.descriptor_positions(), points)
 
 
 def _energy(result: Result, frames: list[rr.TimeColumn]) -> Chunk:
@@ -173,9 +181,8 @@ def _energy(result: Result, frames: list[rr.TimeColumn]) -> Chunk:
 
     energy = result.energy
     values = np.stack([energy.kinetic, energy.potential, energy.kinetic + energy.potential, energy.residual], axis=1)
-    return _columns(
-        "/energy", frames, rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(SERIES)))
-    )
+    scalars = rr.components.ScalarBatch(values.ravel())
+    return _columns("/energy", frames, rr.Scalars.descriptor_scalars(), scalars, np.full(len(values), len(SERIES)))
 
 
 def _about(result: Result) -> Chunk:
@@ -191,12 +198,12 @@ def _table(title: str, values: dict[str, Any]) -> str:
     """Markdown of two columns; long values are cut."""
     rows = [f"| {title} | |", "|---|---|"]
     for name, value in values.items():
-        if isinstance(value, float):
-            value = f"{value:.6g}"
-        text = value if isinstance(value, str) else json.dumps(value, default=str)
-        text = text if len(text) <= 80 else text[:77] + "..."
-        rows.append(f"| {_plain(name)} | {_plain(text)} |")
+        text = f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else _json(value)
+        rows.append(f"| {_plain(name)} | {_plain(text if len(text) <= 80 else text[:77] + '...')} |")
     return "\n".join(rows)
+
+
+_json = json.JSONEncoder(default=str).encode
 
 
 @lru_cache(maxsize=1000)  # much of it stands in every recording
@@ -222,11 +229,18 @@ def _static(entity: str, archetype: rr.AsComponents) -> Chunk:
     return Chunk.from_columns(entity, [], [batch.partition([len(batch.as_arrow_array())]) for batch in batches])
 
 
-def _columns(entity: str, index: list[rr.TimeColumn], columns: rr.ComponentColumnList) -> Chunk:
-    """A row of `columns` for each of `index`."""
+def _columns(
+    entity: str,
+    index: list[rr.TimeColumn],
+    component: rr.ComponentDescriptor,
+    values: rr.ComponentBatchLike,
+    counts: np.ndarray | None = None,
+) -> Chunk:
+    """As many `values` as `counts` (rows,) tells, or one, for each of `index`."""
+    import rerun as rr
     from rerun.chunk import Chunk
 
-    return Chunk.from_columns(entity, index, columns)
+    return Chunk.from_columns(entity, index, [rr.ComponentColumn(component, values, lengths=counts)])
 
 
 def _index(time: np.ndarray, frame: np.ndarray) -> list[rr.TimeColumn]:
