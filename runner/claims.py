@@ -62,9 +62,9 @@ def clear(aside: Path) -> None:
 
 
 def _clear(aside: Path, run_id: str) -> None:
-    for left in aside.glob(f"{run_id}.*"):
-        if left.suffix != SUFFIX:
-            shutil.rmtree(left, ignore_errors=True)
+    for name in os.listdir(aside):
+        if name.startswith(f"{run_id}.") and not name.endswith(SUFFIX):
+            shutil.rmtree(aside / name, ignore_errors=True)
 
 
 def _locked(path: Path, wait: bool, mode: str = "a+") -> tuple[FileIO | None, bool]:

@@ -156,7 +156,9 @@ def check(document: Document) -> Experiment:
 
 def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     """The run of resolved `parameters`, as `Run.parameters` gave them."""
-    return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
+    run = Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
+    vars(run)["parameters"] = parameters  # it would come to the same
+    return run
 
 
 def _run(document: Document, values: Values) -> Run:

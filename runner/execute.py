@@ -87,26 +87,26 @@ def timed(simulation: Simulation, repeats: int, stop: Callable[[], bool], hands:
 
 def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str, Any]:
     """The run's figures by column of the summary; None where there is nothing to tell."""
-    energy, position = flight.energy, flight.trajectory.position
+    energy, bounces = flight.energy, flight.bounces
+    position, velocity = (np.ascontiguousarray(a.reshape(-1, 3).T) for a in (flight.trajectory.position, flight.trajectory.velocity))
     with np.errstate(all="ignore"):
         residual = energy.residual[-1]
-        scale = max(abs(flight.energy_initial), np.max(energy.kinetic))
-        extent = {
-            f"{axis}_{name}": reduce(position[..., k], initial=start, where=np.isfinite(position[..., k]))
-            for k, axis in enumerate("xyz")
-            for name, reduce, start in (("min", np.min, np.inf), ("max", np.max, -np.inf))
+        scale = max(abs(flight.energy_initial), energy.kinetic.max())
+        extent = {  # fmin and fmax pass over NaN, where a ball is not alive
+            f"{axis}_{name}": reduce(values)
+            for axis, values in zip("xyz", position)
+            for name, reduce in (("min", np.fmin.reduce), ("max", np.fmax.reduce))
         }
-        speed = np.sqrt(np.nanmax(np.sum(flight.trajectory.velocity**2, axis=-1)))
-    counts = np.unique(flight.bounces["ball"], return_counts=True)[1]
+        speed = np.sqrt(np.fmax.reduce(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2))
     values = {
         "method": simulation.solver.method,
         "contact": simulation.solver.contact,
         "step": simulation.solver.step if simulation.solver.stepping else None,
         "balls": len(simulation.balls),
         "steps": flight.steps,
-        "bounces": len(flight.bounces),
-        "bounces_per_ball_max": counts.max(initial=0),
-        "surfaces_hit": len(np.unique(flight.bounces["surface"])),
+        "bounces": len(bounces),
+        "bounces_per_ball_max": np.bincount(bounces["ball"], minlength=1).max(),
+        "surfaces_hit": np.count_nonzero(np.bincount(bounces["surface"])),
         "rest_count": flight.resting,
         "penetrations": flight.penetrations,
         "energy_initial": flight.energy_initial,

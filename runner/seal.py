@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from pathlib import Path
 from typing import Any
+
+from pydantic_core import to_json
 
 from runner import forms
 
@@ -36,7 +37,7 @@ def fault(path: Path, noted: dict[str, Any]) -> str | None:
 
 def seal(data: dict[str, Any]) -> bytes:
     """`data` as JSON that ends with the checksum of the text before."""
-    text = json.dumps(data, indent=1, allow_nan=False).removesuffix("\n}").encode()
+    text = to_json(data, indent=1, inf_nan_mode="null").removesuffix(b"\n}")
     return text + _ending(text)
 
 

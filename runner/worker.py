@@ -204,8 +204,11 @@ def _report(task: Task) -> dict[str, Any]:
 
 def _empty_folder(task: Task) -> Path:
     made = task.aside / f"{task.run_id}.{socket.gethostname()}-{os.getpid()}"
-    shutil.rmtree(made, ignore_errors=True)
-    made.mkdir(parents=True)
+    try:
+        made.mkdir(parents=True)
+    except FileExistsError:
+        shutil.rmtree(made, ignore_errors=True)
+        made.mkdir()
     return made
 
 

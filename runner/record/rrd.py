@@ -135,7 +135,7 @@ def _painted(times: bytes, frames: bytes, alive: bytes, balls: int) -> Chunk:
     import rerun as rr
 
     index = _index(np.frombuffer(times), np.frombuffer(frames, int))
-    shown = np.frombuffer(alive, bool).reshape(-1, balls)
+    shown = np.frombuffer(alive, bool).reshape(-1 if balls else len(times) // 8, balls)
     colors = rr.components.ColorBatch(_colors(balls)[np.nonzero(shown)[1]])
     return _columns("/balls", index, rr.Points3D.descriptor_colors(), colors, shown.sum(axis=1))
 
