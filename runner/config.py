@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,10 @@ class Parts:
 
     def text(self, part: Any) -> str:
         return self._looked_at(part)[2]
+
+    def share(self, part: Any, known: Parts) -> None:
+        """Look at the part as `known` does, once for both."""
+        self._known[id(part)] = known._looked_at(part)
 
     def _looked_at(self, part: Any) -> tuple[Any, Any, str]:
         if id(part) not in self._known:
@@ -156,9 +160,23 @@ def check(document: Document) -> Experiment:
 
 def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     """The run of resolved `parameters`, as `Run.parameters` gave them."""
-    run = Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
-    vars(run)["parameters"] = parameters  # it would come to the same
-    return run
+    parts, together = {}, Parts()
+    try:
+        for name, data in parameters.items():
+            text = _json(data)
+            checked = _checked.__wrapped__ if '"file"' in text else _checked  # a file may be another the next time
+            parts[name], known = checked(name, text, folder)
+            together.share(parts[name], known)
+        return Run(Setup.model_validate(parts, context={"folder": folder}), folder, parts=together)
+    except (ValidationError, KeyError):  # what is wrong is told from the whole
+        return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
+
+
+@lru_cache(maxsize=256)  # the runs of a sweep combine a few parts
+def _checked(name: str, text: str, folder: Path) -> tuple[Any, Parts]:
+    """The part `name` of a setup, and it as JSON holds it. Raises ValidationError; KeyError when a setup has no such part."""
+    whole = _only(name).model_validate_json(f'{{"{name}": {text}}}', context={"folder": folder})
+    return getattr(whole, name), Parts()
 
 
 def _run(document: Document, values: Values) -> Run:
