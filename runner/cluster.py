@@ -59,12 +59,16 @@ class Cluster(Workers):
 class _Scheduled:
     """All that the scheduler has: it makes good for workers that die, until a task has cost several of them."""
 
+    most = 1
     ahead = 10_000  # enough for 2500 workers, and for a scheduler that adapts their number to see what there is to do
     deaths = KilledWorker
 
     def __init__(self, client: Client):
-        self.handed: dict[Future, Task] = {}
+        self.handed: dict[Future, list[Task]] = {}
         self.executor = client.get_executor(pure=False)
+
+    def done(self) -> int:
+        return 0
 
     def renew(self, future: Future) -> tuple[list[Future], str]:
         error = future.exception()

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from queue import Empty, SimpleQueue
 from types import ModuleType
@@ -30,9 +31,13 @@ class Place(Protocol):
     """Where tasks are carried out: an executor, and what it was handed and has not brought back, in that order."""
 
     executor: Executor
-    ahead: int  # tasks to hand it at once, so that none of its processes waits for the next
-    deaths: type[Exception]  # what a task raises whose process died
-    handed: dict[Future, Task]
+    ahead: int  # calls to have it make at once, so that none of its processes waits for the next
+    most: int  # tasks a call
+    deaths: type[Exception]  # what a call raises whose process died
+    handed: dict[Future, list[Task]]
+
+    def done(self) -> int:
+        """Of the tasks of the call that its process died over, how many were done."""
 
     def renew(self, future: Future | None) -> tuple[list[Future], str]:
         """Make good for a process that died: what fell with it, first what it was at, and how it died."""
@@ -74,9 +79,11 @@ class Workers:
         back: SimpleQueue[tuple[Place, Future]] = SimpleQueue()
 
         def fall(place: Place, future: Future | None = None) -> None:
+            done = place.done()
             fallen, cause = place.renew(future)
-            at, *behind = [place.handed.pop(each) for each in fallen] or [None]
-            todo.extendleft(reversed(behind))
+            first, *behind = [place.handed.pop(each) for each in fallen] or [[]]
+            at = first.pop(done) if done < len(first) else None
+            todo.extendleft(reversed([*first, *chain(*behind)]))  # what was done is found so
             if at:
                 deaths[at.run_id] = deaths.get(at.run_id, 0) + 1
                 if not lost(at, cause, deaths[at.run_id]):
@@ -88,12 +95,13 @@ class Workers:
                     return
                 todo.append(suspects.popleft())
             while todo and (place := self._next(len(todo))):
+                tasks = list(islice(todo, max(1, min(place.most, len(todo) // (FEW * len(self.places))))))
                 try:
-                    future = place.executor.submit(function, todo[0])
+                    future = place.executor.submit(worker.each, function, tasks)
                 except place.deaths:
                     fall(place)
                     continue
-                place.handed[future] = todo.popleft()
+                place.handed[future] = [todo.popleft() for _ in tasks]
                 future.add_done_callback(lambda future, place=place: back.put((place, future)))
             for place in self.places:
                 place.end_hung()
@@ -104,16 +112,18 @@ class Workers:
             if future not in place.handed:
                 continue  # it fell with another
             try:
-                status = future.result()
+                outcomes = future.result()
             except place.deaths:
                 fall(place, future)
+                continue
             except CancelledError:
                 raise RunError("the cluster is gone; the same command goes on with the rest") from None
-            except OSError as error:
-                raise RunError(f"cannot write {place.handed[future].final}: {error.strerror or error}") from None
-            else:
-                told(place.handed.pop(future), status)
-
+            tasks = place.handed.pop(future)
+            todo.extendleft(reversed(tasks[len(outcomes) :]))
+            for task, outcome in zip(tasks, outcomes):
+                if isinstance(outcome, OSError):
+                    raise RunError(f"cannot write {task.final}: {outcome.strerror or outcome}")
+                told(task, outcome)
 
     def _next(self, left: int) -> Place | None:
         """The place that is to get the next task: the one with the least to do. At the end, when few tasks are left, none waits
@@ -131,17 +141,22 @@ def local(jobs: int) -> Workers:
 class _Own:
     """A process of our own. Each has its executor: a process that dies breaks its executor, with all that this has."""
 
-    ahead = 2
+    ahead, most = 2, 16
     deaths = BrokenProcessPool
 
     def __init__(self):
-        self.handed: dict[Future, Task] = {}
+        self.handed: dict[Future, list[Task]] = {}
         self._start()
 
     def _start(self) -> None:
         self.context, self.stood_still = _Context(), False
-        self.deadline = self.context.Value("d", math.inf, lock=False)  # in shared memory
-        self.executor = ProcessPoolExecutor(1, self.context, initializer=worker.settle_in, initargs=(self.deadline,))
+        # in shared memory
+        self.deadline, self.count = self.context.Value("d", math.inf, lock=False), self.context.Value("i", 0, lock=False)
+        told = self.deadline, self.count
+        self.executor = ProcessPoolExecutor(1, self.context, initializer=worker.settle_in, initargs=told)
+
+    def done(self) -> int:
+        return self.count.value
 
     def renew(self, future: Future | None) -> tuple[list[Future], str]:
         self.executor.shutdown()  # after it all that it was handed has an outcome, and the process its exit code

@@ -31,10 +31,11 @@ STOPPED = "its worker stood still"
 TRIES = 2  # of a run whose worker dies
 GRACE = 5.0  # s after the timeout, for a run to stop by itself and to write what it has
 PATIENCE = 15.0  # s after the timeout, for a process that cannot end itself, since it is stopped
+SPELL = 0.1  # s that tasks are worked off before the parent hears of them
 LINES = 200  # of last words
 
 if TYPE_CHECKING:
-    from ctypes import c_double
+    from ctypes import c_double, c_int
 
     from runner.result import Result
 
@@ -53,16 +54,17 @@ class Task(NamedTuple):
     wait: bool = False  # for another sweep that is making the run
 
 
-_deadline = None  # shared with the parent, if that looks at it
+_deadline = _count = None  # shared with the parent, if that looks at them
 
 
-def settle_in(deadline: c_double | None = None) -> None:
+def settle_in(deadline: c_double | None = None, count: c_int | None = None) -> None:
     """Start of a worker: Ctrl-C is the parent's to handle, and when the parent dies it is the end of the worker, too.
 
-    Up to the `deadline`, in time.monotonic(), the parent waits for what it is at.
+    Up to the `deadline`, in time.monotonic(), the parent waits for what it is at; `count` tells it how many tasks of the call
+    are done.
     """
-    global _deadline
-    _deadline = deadline
+    global _deadline, _count
+    _deadline, _count = deadline, count
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: also where a kernel lets no thread run
@@ -72,6 +74,27 @@ def settle_in(deadline: c_double | None = None) -> None:
 def _end_with(parent: multiprocessing.Process) -> None:
     parent.join()
     os._exit(1)
+
+
+def each(function: Callable[[Task], Any], tasks: list[Task]) -> list:
+    """What `function` returns for each of the tasks, or of the first of them: no more are begun after SPELL s, or after an
+    OSError, which then is the last."""
+    end, outcomes = time.monotonic() + SPELL, []
+    for task in tasks:
+        _tell(len(outcomes))
+        try:
+            outcomes.append(function(task))
+        except OSError as error:
+            return [*outcomes, error]
+        if time.monotonic() > end:
+            break
+    _tell(len(outcomes))
+    return outcomes
+
+
+def _tell(done: int) -> None:
+    if _count:
+        _count.value = done
 
 
 def compile_kernel(task: Task) -> None:

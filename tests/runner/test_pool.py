@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from runner.errors import RunError
-from runner import pool
+from runner import pool, worker
 from runner.worker import Task
 
 
@@ -26,6 +26,8 @@ def perform(task: Task) -> str:
         os._exit(3)
     if kind == "full":
         raise OSError(28, "No space left on device")
+    if kind == "nap":
+        time.sleep(1.5 * worker.SPELL)
     if kind == "slow":
         time.sleep(60)
     return "finished"
@@ -55,6 +57,21 @@ def test_the_killers_are_lost_with_their_cause_and_all_others_are_told_once():
     told, deaths = carry_out(names[:7] + ["killer"] + names[7:] + ["exits"])
     assert sorted(told) == sorted(names)
     assert deaths == {"killer": ["its worker died by SIGKILL"] * 2, "exits": ["its worker exited with 3"] * 2}
+
+
+def test_among_many_that_are_handed_out_together_the_killer_is_known_and_a_long_one_holds_up_none():
+    names = [f"nap-{i}" if i % 50 == 20 else f"good-{i}" for i in range(200)]
+    told, deaths = carry_out(names[:40] + ["killer"] + names[40:])
+    assert sorted(told) == sorted(names)
+    assert deaths == {"killer": ["its worker died by SIGKILL"] * 2}
+
+
+def test_a_call_ends_after_its_spell_and_at_what_cannot_be_written(monkeypatch):
+    tasks = [task(name) for name in ("good-1", "full", "good-2")]
+    outcomes = worker.each(perform, tasks)
+    assert outcomes[0] == "finished" and isinstance(outcomes[1], OSError) and len(outcomes) == 2
+    monkeypatch.setattr(worker, "SPELL", -1)
+    assert worker.each(perform, tasks) == ["finished"]
 
 
 def test_a_run_that_cannot_be_written_ends_the_sweep_in_one_line():
