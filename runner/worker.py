@@ -93,7 +93,7 @@ def each(function: Callable[[Task], Any], tasks: list[Task]) -> list:
 
 
 def _tell(done: int) -> None:
-    if _count:
+    if _count is not None:  # zero is false
         _count.value = done
 
 
