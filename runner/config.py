@@ -163,7 +163,7 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     parts, together = {}, Parts()
     try:
         for name, data in parameters.items():
-            text = _json(data)
+            text = json.dumps(data)
             checked = _checked.__wrapped__ if '"file"' in text else _checked  # a file may be another the next time
             parts[name], known = checked(name, text, folder)
             together.share(parts[name], known)
@@ -175,7 +175,7 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
 @lru_cache(maxsize=256)  # the runs of a sweep combine a few parts
 def _checked(name: str, text: str, folder: Path) -> tuple[Any, Parts]:
     """The part `name` of a setup, and it as JSON holds it. Raises ValidationError; KeyError when a setup has no such part."""
-    whole = _only(name).model_validate_json(f'{{"{name}": {text}}}', context={"folder": folder})
+    whole = _only(name).model_validate_json(_json({name: json.loads(text)}), context={"folder": folder})
     return getattr(whole, name), Parts()
 
 

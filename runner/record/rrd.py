@@ -45,7 +45,7 @@ def write(result: Result, path: Path) -> None:
     """
     from rerun.chunk import ChunkStore
 
-    frames = _index(result.trajectory.time, np.arange(len(result.trajectory.time)))
+    frames = _frames(result.trajectory.time.tobytes())
     own = [*_balls(result, frames), _trails(result), _bounces(result), _energy(result, frames), _about(result)]
     chunks = [*_scene(result.surfaces), *_styles(result.balls.radius), *own]
     try:
@@ -241,6 +241,13 @@ def _columns(
     from rerun.chunk import Chunk
 
     return Chunk.from_columns(entity, index, [rr.ComponentColumn(component, values, lengths=counts)])
+
+
+@lru_cache(maxsize=4)
+def _frames(time: bytes) -> list[rr.TimeColumn]:
+    """The timelines of the frames at `time`: those of most runs of a sweep."""
+    times = np.frombuffer(time)
+    return _index(times, np.arange(len(times)))
 
 
 def _index(time: np.ndarray, frame: np.ndarray) -> list[rr.TimeColumn]:
