@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,14 @@ from runner.config import Experiment, Run
 from runner.crew import crew
 from runner.errors import InputError
 from runner.result import Result
+from sim.model import Mesh
 from sim.simulate import Crew, Flight, Simulation
 
 SPREAD = 0.25  # s, over which the repeats of a short flight are spread
 
 
 def prepare(run: Run, like: Simulation | None = None) -> Simulation:
-    """The run's simulation, its kernel compiled or loaded, its geometry taken from `like` where that has the same.
+    """The run's simulation, its kernel compiled or loaded, its geometry taken from `like`, prepared before, where that has the same.
 
     Raises sim.model.Invalid when it cannot be built.
     """
@@ -28,7 +30,8 @@ def prepare(run: Run, like: Simulation | None = None) -> Simulation:
     scene, solver = setup.scene.build(run.folder), setup.solver.build(run.folder)
     balls = setup.balls.build(setup.duration, run.folder)
     simulation = Simulation(scene, balls, solver, setup.duration, setup.record.every, like)
-    simulation.warm()
+    if like is None or simulation.engine.kernel is not like.engine.kernel:
+        simulation.warm()
     return simulation
 
 
@@ -63,9 +66,14 @@ def carry_out(one: Run, simulation: Simulation, stop: Callable[[], bool]) -> Res
         bounces=flight.bounces,
         rests=flight.rests,
         energy=flight.energy,
-        surfaces={name: shape.mesh() for name, shape in simulation.scene.surfaces.items()},
+        surfaces={name: _mesh(shape) for name, shape in simulation.scene.surfaces.items()},
         summary=summary,
     )
+
+
+@lru_cache(maxsize=8)  # most runs of a sweep have the same
+def _mesh(shape: Any) -> Mesh:
+    return shape.mesh()
 
 
 def timed(simulation: Simulation, repeats: int, stop: Callable[[], bool], hands: Crew = Crew()) -> tuple[Flight, float]:
