@@ -180,7 +180,9 @@ def perform(task: Task) -> str:
     except OSError:
         raise
     except Exception as error:
-        report |= {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
+        told = {"error": " ".join(f"{type(error).__name__}: {error}".split()), "traceback": traceback.format_exc()}
+        # a file's name may hold what is no text
+        report |= {name: text.encode(errors="backslashreplace").decode() for name, text in told.items()}
     report["timings"] = {"started": started, "wall_seconds": time.perf_counter() - clock}
     _leave_alone()
     return _publish(task, made, report)

@@ -150,6 +150,16 @@ def test_a_run_that_crashes_or_hangs_costs_no_other(here, fall, monkeypatch):
 # Stopped from outside
 
 
+def test_an_error_that_is_no_text_is_told(tmp_path, monkeypatch):
+    def fail(*_):
+        raise ValueError("no mesh: \udcff.stl")
+
+    monkeypatch.setattr(worker, "_simulate", fail)
+    task = worker.Task("x", {}, tmp_path, tmp_path / ".aside", tmp_path / "x", False, None)
+    assert worker.perform(task) == "failed"
+    assert store.contents(task.final)["error"] == "ValueError: no mesh: \\udcff.stl"
+
+
 def start(folder, *arguments):
     """A sweep that leads a process group of its own."""
     command = [sys.executable, "-m", "runner", "sweep", *arguments]
