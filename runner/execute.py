@@ -22,7 +22,7 @@ SPREAD = 0.25  # s, over which the repeats of a short flight are spread
 
 
 def prepare(run: Run, like: Simulation | None = None) -> Simulation:
-    """The run's simulation, its kernel compiled or loaded, its geometry taken from `like`, prepared before, where that has the same.
+    """The run's simulation, its kernel compiled or loaded; both are taken from `like`, prepared before, where that has the same.
 
     Raises sim.model.Invalid when it cannot be built.
     """
@@ -96,7 +96,8 @@ def timed(simulation: Simulation, repeats: int, stop: Callable[[], bool], hands:
 def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str, Any]:
     """The run's figures by column of the summary; None where there is nothing to tell."""
     energy, bounces = flight.energy, flight.bounces
-    position, velocity = (np.ascontiguousarray(a.reshape(-1, 3).T) for a in (flight.trajectory.position, flight.trajectory.velocity))
+    path = flight.trajectory
+    position, velocity = (np.ascontiguousarray(each.reshape(-1, 3).T) for each in (path.position, path.velocity))
     with np.errstate(all="ignore"):
         residual = energy.residual[-1]
         scale = max(abs(flight.energy_initial), energy.kinetic.max())
