@@ -9,8 +9,9 @@ the ball is free again.
 import numpy as np
 
 from sim.clearance import AHEAD, FARTHEST, SPARE, free_time, push_of, pushes_within, region_free_time
+from sim.curves.parabola import flight  # bound to the curve's own before it is compiled
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
-from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
+from sim.integrators.symplectic_euler import interpolant  # bound to the method's own before it is compiled
 from sim.lanes import LANES, lane, put
 from sim.model import FASTEST
 from sim.motion import Motion, acceleration, motion, next_end
@@ -38,33 +39,27 @@ WORKED = 37 * LANES  # J, done on the ball since its release
 TAKEN = 38 * LANES  # steps since it came into the lane
 ROWS = 39
 
-FEW = 6  # balls that fly one by one
+FEW = 8  # balls that are sooner moved one after the other than side by side
+AT_ONCE = 256  # steps of one of them
 
 
 def coast_room() -> np.ndarray:
-    return np.zeros(ROWS * LANES)
+    """The lanes, from the beginning of a line of the cache on, which vector instructions had better not straddle."""
+    room, line = np.zeros((ROWS + 1) * LANES), 64
+    return room[-room.ctypes.data % line // room.itemsize :][: ROWS * LANES]
 
 
-def coast(states, first, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
+def coast(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
     """Move balls as `travel` of `sim.travel` does, by a method with a fixed step. `budget` is of steps of all balls together, and of
     pieces of flight of one."""
-    dt, works, rows = states[0, STEP], does_work(forces), 0
+    dt, rows, heft = states[0, STEP], 0, body.mass if does_work(forces) else 0.0
     width, upcoming, how = min(len(states), LANES), 0, DONE
     for i in range(LANES):
         lanes[BALL + i], lanes[SURE_TILL + i] = NONE, -1.0
-    if len(states) < FEW:
-        for ball in range(len(states)):
-            if states[ball, FRAME] < len(record.time):
-                how, rows, budget = fly(
-                    states, ball, first + ball, False, tolerance, blur, body, forces, features, search, record, log, rows, budget
-                )
-                if how != DONE:
-                    return how, ball, rows
-        return DONE, len(states), rows
     while True:
-        moving, aboard = march(lanes, dt), 0
+        moving, aboard = method.march(lanes, dt, heft), 0
         for i in range(width if moving < width else 0):
-            if lanes[MOVES + i] > 0.0 or is_free(lanes, i, dt, states, first, body, forces, features, search, record):
+            if lanes[MOVES + i] > 0.0 or is_free(lanes, i, method, dt, states, first, body, forces, features, search, record):
                 aboard += 1
                 continue
             ball = int(lanes[BALL + i])
@@ -75,7 +70,7 @@ def coast(states, first, tolerance, blur, body, forces, features, search, lanes,
             lanes[BALL + i] = NONE
             while ball < len(states):
                 how, rows, budget = fly(
-                    states, ball, first + ball, True, tolerance, blur, body, forces, features, search, record, log, rows, budget
+                    states, ball, first + ball, True, method, tolerance, blur, body, forces, features, search, record, log, rows, budget
                 )
                 if how != DONE:
                     break
@@ -88,9 +83,10 @@ def coast(states, first, tolerance, blur, body, forces, features, search, lanes,
             how = DONE
         if moving < width and aboard == 0:
             return DONE, len(states), rows
-        if works:
-            work(lanes, width, dt, body.mass)
-        commit(lanes, dt)
+        for i in range(width if heft > 0.0 else 0):
+            if lanes[MOVES + i] > 0.0:
+                work(lanes, i, dt, heft)
+        method.commit(lanes, dt)
         budget -= 1
         if budget <= 0:
             return ashore(states, lanes, width, PAUSED, 0, rows)
@@ -104,25 +100,44 @@ def does_work(forces):
     return some
 
 
-def march(lanes, dt):
-    """Take a step in all lanes, and tell which balls may go that far as things are; returns how many."""
+def march(lanes, dt, mass):
+    """Try a step in all lanes; returns how many balls may take theirs."""
     moving = 0
     for i in range(LANES):  # a constant, so that the compiler knows that no row overlaps another
-        x, v, mover, age = lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover_in(lanes, i), lanes[CLOCK + i]
-        aim = lanes[GRID + i] * dt
-        h = aim - age
-        a = lane(lanes, PUSH, i) if CARRIES else acceleration(age, x, v, mover)
-        x1, v1, a1 = carried(h, age, x, v, a, mover)
-        put(lanes, PLACE1, i, x1)
-        put(lanes, SPEED1, i, v1)
-        if CARRIES:
-            put(lanes, PUSH1, i, a1)
-        curve = interpolant(h, x, v, a, x1, v1)
-        known = (aim <= lanes[SURE_TILL + i]) & pushes_within(curve, h, v, v1, lanes[HARDEST + i])
-        moves = known & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
-        lanes[MOVES + i] = 1.0 if moves else 0.0
-        moving += 1 if moves else 0
+        moving += 1 if tried(lanes, i, dt) else 0
     return moving
+
+
+def march_each(lanes, dt, mass):
+    """Try a step in the FEW first lanes, after as many, AT_ONCE at most, as each ball may take; returns how many may go on."""
+    moving = 0
+    for i in range(FEW):
+        taken = 0
+        while tried(lanes, i, dt) and taken < AT_ONCE:
+            if mass > 0.0:
+                work(lanes, i, dt, mass)
+            settle(lanes, i, dt)
+            taken += 1
+        moving += 1 if lanes[MOVES + i] > 0.0 else 0
+    return moving
+
+
+def tried(lanes, i, dt):
+    """Write where a step leads into the scratch of lane i; returns whether the ball may go that far as things are."""
+    x, v, mover, age = lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover_in(lanes, i), lanes[CLOCK + i]
+    aim = lanes[GRID + i] * dt
+    h = aim - age
+    a = lane(lanes, PUSH, i) if CARRIES else acceleration(age, x, v, mover)
+    x1, v1, a1 = carried(h, age, x, v, a, mover)
+    put(lanes, PLACE1, i, x1)
+    put(lanes, SPEED1, i, v1)
+    if CARRIES:
+        put(lanes, PUSH1, i, a1)
+    curve = interpolant(h, x, v, a, x1, v1)
+    known = (aim <= lanes[SURE_TILL + i]) & pushes_within(curve, h, v, v1, lanes[HARDEST + i])
+    moves = known & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
+    lanes[MOVES + i] = 1.0 if moves else 0.0
+    return moves
 
 
 def sane(x, v):
@@ -133,44 +148,43 @@ def sane(x, v):
 def commit(lanes, dt):
     """Move the balls that may to the end of their step."""
     for i in range(LANES):
-        moves = lanes[MOVES + i] > 0.0
-        for k in range(9 if CARRIES else 6):
-            row = PLACE + k * LANES + i
-            lanes[row] = lanes[row + PLACE1 - PLACE] if moves else lanes[row]
-        lanes[CLOCK + i] = lanes[GRID + i] * dt if moves else lanes[CLOCK + i]
-        lanes[GRID + i] += 1.0 if moves else 0.0
-        lanes[TAKEN + i] += 1.0 if moves else 0.0
+        settle(lanes, i, dt)
 
 
-def work(lanes, width, dt, mass):
-    """Add the work that is done on the balls that move."""
-    for i in range(width):
-        if lanes[MOVES + i] > 0.0:
-            h = lanes[GRID + i] * dt - lanes[CLOCK + i]
-            lanes[WORKED + i] += work_in(lanes, i, h, lane(lanes, PLACE1, i), lane(lanes, SPEED1, i), mass)
+def settle(lanes, i, dt):
+    """Move the ball in lane i to the end of its step, if it may."""
+    moves = lanes[MOVES + i] > 0.0
+    for k in range(9 if CARRIES else 6):
+        row = PLACE + k * LANES + i
+        lanes[row] = lanes[row + PLACE1 - PLACE] if moves else lanes[row]
+    lanes[CLOCK + i] = lanes[GRID + i] * dt if moves else lanes[CLOCK + i]
+    lanes[GRID + i] += 1.0 if moves else 0.0
+    lanes[TAKEN + i] += 1.0 if moves else 0.0
+
+
+def work(lanes, i, dt, mass):
+    """Add the work that the step does on the ball in lane i."""
+    h = lanes[GRID + i] * dt - lanes[CLOCK + i]
+    lanes[WORKED + i] += work_in(lanes, i, h, lane(lanes, PLACE1, i), lane(lanes, SPEED1, i), mass)
 
 
 def work_in(lanes, i, h, x1, v1, mass):
     """Work (J) on the ball in lane i in h (s), at the end of which it is at x1 (m) with velocity v1 (m/s)."""
-    x, v, mover = lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover_in(lanes, i)
-    return work_done(curve_in(lanes, i, h, x1, v1), h, x, v, x1, v1, mover, mass)
-
-
-def curve_in(lanes, i, h, x1, v1):
-    """The curve of the ball in lane i over h (s), at the end of which it is at x1 (m) with velocity v1 (m/s)."""
     x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
-    return interpolant(h, x, v, acceleration(lanes[CLOCK + i], x, v, mover_in(lanes, i)), x1, v1)
+    line = flight(x, v, (0.0, 0.0, 0.0), 0.0, 0.0)  # the work of a method with steps is told by their ends
+    return work_done(line, h, x, v, x1, v1, mover_in(lanes, i), mass)
 
 
-def is_free(lanes, i, dt, states, first, body, forces, features, search, record):
+def is_free(lanes, i, method, dt, states, first, body, forces, features, search, record):
     """Whether the ball in lane i, if there is one, may take its step after all: it is farther from everything than it was known to be,
     and frames on the way are recorded."""
     aim, age = lanes[GRID + i] * dt, lanes[CLOCK + i]
     x, v, x1, v1 = lane(lanes, PLACE, i), lane(lanes, SPEED, i), lane(lanes, PLACE1, i), lane(lanes, SPEED1, i)
     if lanes[BALL + i] == NONE or not aim < lanes[LAST + i] or not sane(x1, v1):
         return False
-    h = aim - age
-    push = push_of(curve_in(lanes, i, h, x1, v1), h, v, v1)
+    h, mover = aim - age, mover_in(lanes, i)
+    a = acceleration(age, x, v, mover)
+    push = push_of(method.take(h, age, x, v, a, mover)[0], h, v, v1)
     if not (aim <= lanes[SURE_TILL + i] and push <= lanes[HARDEST + i]):
         push *= SPARE
         look = lanes[LOOK + i] * h * (norm(v) + push * h)
@@ -182,7 +196,7 @@ def is_free(lanes, i, dt, states, first, body, forces, features, search, record)
     s = states[int(lanes[BALL + i])]
     while lanes[DUE + i] < aim:
         t = max(lanes[DUE + i] - age, 0.0)
-        xt, vt = step(t, age, x, v, mover_in(lanes, i))
+        _, xt, vt, _ = method.take(t, age, x, v, a, mover)
         done = lanes[WORKED + i] + work_in(lanes, i, t, xt, vt, body.mass)
         if not fill(record, int(s[FRAME]), first + int(lanes[BALL + i]), xt, vt, done, s[LOST]):
             return False

@@ -11,7 +11,9 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.extending import intrinsic
+from numba.core.datamodel import models
+from numba.core.extending import NativeValue, intrinsic, register_model, unbox
+from numba.core.imputils import lower_builtin
 from numba.np import arrayobj
 
 READ, KEEP, DATA = 0, 3, 1  # what llvm.prefetch is told: to read it, to keep it in all caches, and that it is no code
@@ -87,3 +89,52 @@ def prefetch(typing, array, row):
         return context.get_dummy_value()
 
     return types.void(array, types.intp), lower
+class Entry:
+    """A compiled function as kernels are handed it, and call it: by its address, whatever function it is. From Python it is the
+    function itself."""
+
+    def __init__(self, function, compiled):
+        self.function, self._numba_type_ = function, EntryType(compiled.signature)
+        engine = compiled.library.codegen._engine  # which knows code from disk, too
+        self.address = engine.get_function_address(compiled.fndesc.llvm_func_name)
+
+    def __call__(self, *arguments):
+        return self.function(*arguments)
+
+
+class EntryType(types.Callable):
+    """All functions of one signature."""
+
+    def __init__(self, signature):
+        self.signature = signature
+        super().__init__(f"Entry({signature})")
+
+    def get_call_type(self, context, args, kws):
+        return self.signature.replace(recvr=self)
+
+    def get_call_signatures(self):
+        return [self.signature], False
+
+    def get_impl_key(self, signature):
+        return EntryType
+
+
+@register_model(EntryType)
+class _EntryModel(models.OpaqueModel):
+    """An address."""
+
+
+@unbox(EntryType)
+def _unbox(type_, entry, c):
+    address = c.pyapi.object_getattr_string(entry, "address")
+    value = c.pyapi.long_as_voidptr(address)
+    c.pyapi.decref(address)
+    return NativeValue(value)
+
+
+@lower_builtin(EntryType, types.VarArg(types.Any))
+def _call(context, builder, signature, arguments):
+    own = signature.args[0].signature
+    pointer = builder.bitcast(arguments[0], context.call_conv.get_function_type(own.return_type, own.args).as_pointer())
+    _, result = context.call_conv.call_function(builder, pointer, own.return_type, own.args, arguments[1:])
+    return result

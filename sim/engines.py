@@ -16,13 +16,15 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
+from functools import cache, cached_property
 from math import ceil
 
 import numpy as np
 
-from sim import advance, coast, forces, integrators, jit, lanes, motion, state, travel
+from sim import advance, coast, forces, integrators, jit, lanes, motion, rest, state, travel
 from sim.curves import majorant
 from sim.hop import hop_room
+from sim.solvers import stepping
 from sim.tree import search_room
 
 BUDGET = 4096  # steps of a block between two looks at `stop`: milliseconds
@@ -85,7 +87,7 @@ class Swept:
     """Balls one by one from event to event: the exact solver, or a method with steps."""
 
     def __init__(self, solver, balls, duration, body, packed, features):
-        self.balls, self.duration = balls, duration
+        self.solver, self.balls, self.duration = solver, balls, duration
         self.dt = float(solver.step) if solver.stepping else np.inf
         claims = integrators.load(solver.method)[0] if solver.method != "exact" else None
         # a method of first order cannot tell a hop of a few steps from rest
@@ -94,6 +96,11 @@ class Swept:
         loop, self._lanes = (coast.coast, coast.coast_room) if solver.stepping else (travel.travel, hop_room)
         self.kernel = jit.bind(loop, **bindings(solver.method, packed))
         self._rooms = []
+
+    @cached_property
+    def method(self) -> tuple:
+        """What the kernel is handed of it, see `sim.solvers`."""
+        return entries(self.solver.method, len(self.balls) <= coast.FEW) if self.solver.stepping else ()
 
     def parts(self, hands: int) -> list:
         states = state.depart_states(self.balls, self.duration, self.dt)
@@ -109,7 +116,7 @@ class Swept:
 
     def move(self, part, frame, record, room, log):
         first, states = part
-        how, i, rows = self.kernel(states, first, *self.given, *room, record, log, PIECES)
+        how, i, rows = self.kernel(states, first, self.method, *self.given, *room, record, log, PIECES)
         if how == travel.STALLED:
             x, age = states[i, state.X : state.X + 3], states[i, state.AGE]
             raise Stalled(
@@ -142,30 +149,50 @@ CURVE = (
     *("flight", "point", "slope", "bend", "bend_squared", "series", "project", "start", "seen_from", "seen_along", "piece", "fall"),
     *("value", "dip"),
 )
-SOLVER = "SMALL_STEPS", "goal", "depart", "arrive", "squared_speed"
+SOLVER = "SMALL_STEPS", "goal", "hands_on", "depart", "arrive", "squared_speed"
 METHOD = "step", "carried", "embedded", "interpolant"
 
 
 def steps(method: str) -> dict:
     """What the names stand for that are the method's own."""
-    module = vars(importlib.import_module(f"sim.integrators.{method}"))
-    names = {name: module[name] for name in METHOD if name in module}
+    names = of_module(f"integrators.{method}", METHOD)
     return names | {"CARRIES": "carried" in names or "embedded" in names}
+
+
+@cache
+def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.Steps:
+    """A fixed-step method's own functions, for few balls or many; with `compiled` False in plain Python, some of their names bound to other things."""
+    curve = of_module(f"curves.{integrators.load(method)[0].curve}", CURVE)
+    names = steps(method) | curve | {"acceleration": motion.acceleration, "rates": motion.rates} | names
+    still, lane = (0.0, 0.0, 0.0), coast.coast_room()
+    mover = motion.Motion(still, 0.0, 0.0, still, 0.0, 0.0, rest.no_contacts())
+
+    def entry(function, *arguments):
+        return jit.entry(function, arguments, **names) if compiled else jit.bind(function, compiled=False, **names)
+
+    made = stepping.Steps(
+        take=entry(stepping.take, 0.0, 0.0, still, still, still, mover),
+        march=entry(coast.march_each if few else coast.march, lane, 0.0, 0.0),
+        commit=entry(coast.commit, lane, 0.0),
+        carries=names["CARRIES"],
+    )
+    return jit.typed(made) if compiled else made
 
 
 def bindings(method: str, packed: forces.Forces) -> dict:
     """What the names in the kernel `travel` stand for with this method and these fields."""
     curve = curve_of(method, packed)
-    if method == "exact":
-        names, solver = {}, method
-    else:
-        names, solver = steps(method), "adaptive" if integrators.load(method)[0].adaptive else "stepping"
+    solver = method if method == "exact" else "adaptive" if integrators.load(method)[0].adaptive else "stepping"
+    names = steps(method) if solver == "adaptive" else {}
     names |= {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
-    for module, wanted in ((f"curves.{curve}", CURVE), (f"solvers.{solver}", SOLVER)):
-        found = vars(importlib.import_module(f"sim.{module}"))
-        names |= {name: found[name] for name in wanted if name in found}
-    return names
+    return names | of_module(f"curves.{curve}", CURVE) | of_module(f"solvers.{solver}", SOLVER)
+
+
+def of_module(name: str, wanted: tuple) -> dict:
+    """Those of the names `wanted` that a module of `sim` has."""
+    found = vars(importlib.import_module(f"sim.{name}"))
+    return {name: found[name] for name in wanted if name in found}
 
 
 def curve_of(method: str, packed: forces.Forces) -> str:

@@ -51,6 +51,28 @@ def bind(function: Callable, compiled: bool = True, **names: Any) -> Callable:
     return _rebuild(function, tuple(sorted(names.items())), compiled, inner=False)
 
 
+def entry(function: Callable, like: tuple, **names: Any) -> Callable:
+    """`function` with `names` bound, compiled, as an argument for kernels, which they call: compiled once, they call any of them.
+
+    `like` are arguments of the types that it is called with.
+    """
+    from sim.compiler import Entry
+
+    names = tuple(sorted(names.items()))
+    kernel = _rebuild(function, _used(function, names), compiled=True)
+    arguments = tuple(numba().typeof(each) for each in like)
+    kernel.compile(arguments)
+    return Entry(_rebuild(function, names, compiled=False), kernel.overloads[arguments])
+
+
+def typed(values: tuple) -> tuple:
+    """Values of a named tuple that knows its type: to find out that of entries numba takes as long as a short flight, each time."""
+    kind, known = type(values), numba().typeof(values)
+    typed = type(kind.__name__, (kind,), {"_numba_type_": known})
+    numba().extending.typeof_impl.register(typed)(lambda value, context: known)
+    return typed(*values)
+
+
 @cache
 def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = True) -> Callable:
     if compiled and function is prefetch:
@@ -130,7 +152,7 @@ LARGE = {
     *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "check", "onward", "response", "touch_edge", "beside", "onto_face"),
     *("onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
     *("curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
-    *("coast", "march", "commit"),
+    *("coast", "take", "march", "march_each", "commit"),
 }
 
 

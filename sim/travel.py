@@ -11,7 +11,6 @@ import numpy as np
 
 from sim.clearance import AHEAD, SPARE, free_time, push_of
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
-from sim.handing import CARRIES  # bound before it is compiled
 from sim.hop import hop
 from sim.impact import energy_lost, rebound
 from sim.log import REST, note
@@ -53,6 +52,7 @@ from sim.solvers.exact import (  # bound to the solver's own before they are com
     arrive,
     depart,
     goal,
+    hands_on,
 )
 from sim.state import (
     AGE,
@@ -87,7 +87,7 @@ HOPS = True  # bound to whether flights are such that balls may hop
 NOTHING, TOUCH, FACE, OFF = 0, 1, 2, 3
 
 
-def travel(states, first, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
+def travel(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
     """Move balls, rows of `states` numbered from `first` on, through all frames of `record`: side by side while they only
     hop, else one after the other.
 
@@ -104,7 +104,7 @@ def travel(states, first, tolerance, blur, body, forces, features, search, lanes
             if states[i, FRAME] >= len(record.time):
                 continue
             end, rows, budget = fly(
-                states, i, first + i, hopping, tolerance, blur, body, forces, features, search, record, log, rows, budget
+                states, i, first + i, hopping, method, tolerance, blur, body, forces, features, search, record, log, rows, budget
             )
             if end == READY:
                 ready += 1
@@ -114,7 +114,7 @@ def travel(states, first, tolerance, blur, body, forces, features, search, lanes
             return DONE, len(states), rows
 
 
-def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, search, record, log, rows, budget):
+def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, features, search, record, log, rows, budget):
     """Move ball i through all frames; with `hopping` only until it may hop again, or coast, which is READY.
 
     Returns (how it ended, rows of the log filled, what is left of the budget).
@@ -148,7 +148,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
                 mover = lying_on(mover, contacts)
                 curved = curves(features, contacts, x)
             if flown != NONE and not curved:  # it goes on as one that slides, until a step of the method gets it away
-                ahead = depart(aim - age, dt, tolerance, age, x, v, acceleration(age, x, v, mover), mover)[0]
+                ahead = depart(method, aim - age, dt, tolerance, age, x, v, acceleration(age, x, v, mover), mover)[0]
                 curved = falls_back(ahead, features, flown, body.radius, dt)
                 flown = flown if curved else NONE
         if curved:
@@ -161,7 +161,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         else:
             if not known:
                 a = acceleration(age, x, v, mover)
-            curve, x1, v1, a, got, dt = depart(h, dt, tolerance, age, x, v, a, mover)
+            curve, x1, v1, a, got, dt = depart(method, h, dt, tolerance, age, x, v, a, mover)
             if got < h:
                 h, aim = got, age + got
 
@@ -201,7 +201,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             elif curved:
                 xt, vt, _ = slide_around(features, t, x, v, mover, body.radius)
             else:
-                xt, vt = arrive(curve, t, h, x1, v1, age, x, v, mover)
+                xt, vt = arrive(method, curve, t, h, x1, v1, age, x, v, mover)
             work = s[WORK] + work_done(curve, t, x, v, xt, vt, mover, body.mass)
             if not fill(record, frame, ball, xt, vt, work, s[LOST]):
                 how = DIVERGED
@@ -216,7 +216,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         elif curved:
             x1, v1, contacts = slide_around(features, length, x, v, mover, body.radius)
         else:
-            x1, v1 = arrive(curve, length, h, x1, v1, age, x, v, mover)
+            x1, v1 = arrive(method, curve, length, h, x1, v1, age, x, v, mover)
             if what == TOUCH:
                 x1 = point(curve, length)
         s[WORK] += work_done(curve, length, x, v, x1, v1, mover, body.mass)
@@ -229,7 +229,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
             break
 
         # what the event does
-        known = CARRIES and what == NOTHING and contacts.count == 0 and not curved and age != switch
+        known = hands_on(method) and what == NOTHING and contacts.count == 0 and not curved and age != switch
         if what == TOUCH:
             x, v, contacts, flown, rows = strike(
                 s, ball, curve, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows
@@ -258,7 +258,7 @@ def fly(states, i, ball, hopping, tolerance, blur, body, forces, features, searc
         if not count_event(s, age):
             how = STALLED
             break
-        if HOPS and hopping and contacts.count == 0 and left == NONE:
+        if (HOPS or SMALL_STEPS) and hopping and contacts.count == 0 and left == NONE and flown == NONE:
             how = READY
             break
 

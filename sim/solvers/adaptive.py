@@ -24,7 +24,11 @@ def goal(age, limit, dt):
     return age + dt if age + 1.01 * dt < limit else limit  # no short rest
 
 
-def depart(h, dt, tolerance, age, x, v, a, motion):
+def hands_on(method):
+    return True
+
+
+def depart(method, h, dt, tolerance, age, x, v, a, motion):
     shortest, tolerance, most, aim = ROUNDING * (age + h), max(tolerance, ROUNDING), MOST, h
     while True:
         x1, v1, a1, dx, dv = embedded(h, age, x, v, a, motion)
@@ -40,7 +44,7 @@ def depart(h, dt, tolerance, age, x, v, a, motion):
     return interpolant(h, x, v, a, x1, v1, a1), x1, v1, a1, h, following
 
 
-def arrive(curve, s, h, x1, v1, age, x, v, motion):
+def arrive(method, curve, s, h, x1, v1, age, x, v, motion):
     if s == h:
         return x1, v1
     return point(curve, s), slope(curve, s)

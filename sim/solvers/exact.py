@@ -17,12 +17,16 @@ def goal(age, limit, dt):
     return limit
 
 
-def depart(h, dt, tolerance, age, x, v, a, motion):
+def hands_on(method):
+    return False
+
+
+def depart(method, h, dt, tolerance, age, x, v, a, motion):
     k = tangent(axpy(-motion.w2, x, motion.pull), motion.contacts)
     return flight(x, v, k, motion.b, motion.w2), x, v, a, h, dt
 
 
-def arrive(curve, s, h, x1, v1, age, x, v, motion):
+def arrive(method, curve, s, h, x1, v1, age, x, v, motion):
     return point(curve, s), slope(curve, s)
 
 

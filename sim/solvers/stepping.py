@@ -1,13 +1,33 @@
 """A method with a fixed step: one step of the grid at a time, or what is left of it after an event."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from sim.curves.cubic import SHORT
 from sim.handing import carried  # bound to the method's own, where it has one, before it is compiled
-from sim.integrators.symplectic_euler import interpolant, step  # bound to the method's own before they are compiled
+from sim.integrators.symplectic_euler import interpolant  # bound to the method's own before they are compiled
+from sim.motion import acceleration
 from sim.vector import ROUNDING, axpy, dot, scale, sub
 
 SMALL_STEPS = True  # most touch nothing
+
+
+class Steps(NamedTuple):
+    """What a method has of its own. The loops over balls are the same for all methods with the same curve, and compiled once; these
+    functions they are handed."""
+
+    take: Callable  # of this module
+    march: Callable  # `march` of `sim.coast`, or `march_each`
+    commit: Callable  # of `sim.coast`
+    carries: bool  # whether a step hands on an acceleration, see `sim.handing`
+
+
+def take(h, age, x, v, a, motion):
+    """The curve of a step of h (s) from position x (m), velocity v (m/s) and acceleration a (m/s^2), and these three at its end."""
+    x1, v1, a1 = carried(h, age, x, v, a, motion)
+    return interpolant(h, x, v, a, x1, v1), x1, v1, a1
 
 
 def goal(age, limit, dt):
@@ -23,15 +43,20 @@ def steps_to_come(age, limit, dt):
     return n + 1
 
 
-def depart(h, dt, tolerance, age, x, v, a, motion):
-    x1, v1, a1 = carried(h, age, x, v, a, motion)
-    return interpolant(h, x, v, a, x1, v1), x1, v1, a1, h, dt
+def hands_on(method):
+    return method.carries
 
 
-def arrive(curve, s, h, x1, v1, age, x, v, motion):
+def depart(method, h, dt, tolerance, age, x, v, a, motion):
+    curve, x1, v1, a1 = method.take(h, age, x, v, a, motion)
+    return curve, x1, v1, a1, h, dt
+
+
+def arrive(method, curve, s, h, x1, v1, age, x, v, motion):
     if s == h:
         return x1, v1
-    return step(s, age, x, v, motion)
+    _, x1, v1, _ = method.take(s, age, x, v, acceleration(age, x, v, motion), motion)
+    return x1, v1
 
 
 def squared_speed(curve, s, x, v, x1, v1, motion):
