@@ -161,9 +161,9 @@ def steps(method: str) -> dict:
 
 @cache
 def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.Steps:
-    """A fixed-step method's own functions, for few balls or many; with `compiled` False in plain Python, some of their names bound to other things."""
-    curve = of_module(f"curves.{integrators.load(method)[0].curve}", CURVE)
-    names = steps(method) | curve | {"acceleration": motion.acceleration, "rates": motion.rates} | names
+    """A fixed-step method's own functions, for few balls or many; with `compiled` False in plain Python. `names` are bound first."""
+    own = steps(method) | of_module(f"curves.{integrators.load(method)[0].curve}", CURVE) | of_module("solvers.stepping", SOLVER)
+    names = own | {"acceleration": motion.acceleration, "rates": motion.rates} | names
     still, lane = (0.0, 0.0, 0.0), coast.coast_room()
     mover = motion.Motion(still, 0.0, 0.0, still, 0.0, 0.0, rest.no_contacts())
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim import coast, engines, forces, jit
+from sim import coast, engines, forces, jit, travel
 from sim.forces import Drag, Spring, Uniform
 from sim.shapes import Heightfield, Rectangle
 from sim.simulate import Scene, Simulation, Solver
@@ -29,15 +29,30 @@ SCENES = {
 
 @pytest.mark.parametrize("method", ["symplectic_euler", "rk4", "velocity_verlet"])  # a parabola, a cubic, one that hands on
 @pytest.mark.parametrize("name", SCENES)
-def test_coasting_changes_nothing(monkeypatch, name, method):
+def test_coasting_changes_nothing(name, method):
     scene, start = SCENES[name]
-    made, bindings = [], engines.bindings
-    for few in (coast.FEW, 10**6):
-        monkeypatch.setattr(engines, "bindings", lambda *given: bindings(*given) | {"FEW": few})
-        # frames on the grid of steps and off it
-        made.append(Simulation(scene, start, Solver(method, 0.01), 2.0, 0.033).run())
-    check_same(*made)
-    assert made[0].status == ("diverged" if name == "diverging" else "finished" if name != "resting" else made[1].status)
+    # frames on the grid of steps and off it
+    simulation = Simulation(scene, start, Solver(method, 0.01), 2.0, 0.033)
+    flight = simulation.run()
+    check_same(flight, one_by_one(simulation))
+    assert flight.status == ("diverged" if name == "diverging" else "finished" if name != "resting" else flight.status)
+
+
+def one_by_one(simulation):
+    """The flight with a look for events in each step."""
+    packed = forces.pack(simulation.fields, simulation.scene.gravity, simulation.balls.mass)
+    simulation.engine.kernel = jit.bind(travel.travel, **engines.bindings(simulation.solver.method, packed))
+    return simulation.run()
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "rk4", "velocity_verlet"])
+@pytest.mark.parametrize("name", SCENES)
+def test_so_do_few_that_take_many_steps_at_once(name, method):
+    scene, start = SCENES[name]
+    few = balls(start.position[: coast.FEW], start.velocity[: coast.FEW])
+    simulation = Simulation(scene, few, Solver(method, 0.01), 2.0, 0.033)
+    flight = simulation.run()
+    check_same(flight, one_by_one(simulation))
 
 
 def test_most_steps_are_taken_side_by_side():

@@ -22,6 +22,8 @@ def flown(scene, start, method, contact, duration, **names):
     else:
         kernel, bound = advance.advance, engines.steps(method) | {"SELECTIVE": len(packed.selective)}
     simulation.engine.kernel = jit.bind(kernel, compiled=False, **bound | names)
+    if contact == "swept" and simulation.solver.stepping:
+        simulation.engine.method = engines.entries(method, few=True, compiled=False, **names)
     return simulation.run()
 
 
@@ -61,7 +63,7 @@ def test_after_an_event_nothing_is_used_again(method, contact):
     handed = flown(scene, start, method, contact, 1.0)
     engine = motion if contact == "swept" else forces
     step = jit.bind(integrators.load(method)[1], compiled=False, acceleration=engine.acceleration, rates=engine.rates, SELECTIVE=2)
-    alone = {"CARRIES": False, "carried": lambda h, t, x, v, a, forces: (*step(h, t, x, v, forces), a)}
+    alone = {"CARRIES": False, "hands_on": lambda method: False, "carried": lambda h, t, x, v, a, forces: (*step(h, t, x, v, forces), a)}
     anew = flown(scene, start, method, contact, 1.0, **alone)
     assert len(handed.bounces) > 4 and handed.steps == anew.steps
     off = np.abs(handed.trajectory.position[-1] - anew.trajectory.position[-1]).max()
