@@ -140,6 +140,14 @@ def tried(lanes, i, dt):
     return moves
 
 
+def step_in(lanes, i, h):
+    """How hard (m/s^2) a step of h (s) pushes the ball in lane i, and its position (m) and velocity (m/s) then."""
+    x, v, mover, age = lane(lanes, PLACE, i), lane(lanes, SPEED, i), mover_in(lanes, i), lanes[CLOCK + i]
+    a = acceleration(age, x, v, mover)
+    x1, v1, _ = carried(h, age, x, v, a, mover)
+    return push_of(interpolant(h, x, v, a, x1, v1), h, v, v1), x1, v1
+
+
 def sane(x, v):
     """Whether a ball has not diverged; said so that one whose place is not a number has."""
     return (dot(v, v) <= FASTEST * FASTEST) & (dot(x, x) < np.inf)
@@ -182,9 +190,8 @@ def is_free(lanes, i, method, dt, states, first, body, forces, features, search,
     x, v, x1, v1 = lane(lanes, PLACE, i), lane(lanes, SPEED, i), lane(lanes, PLACE1, i), lane(lanes, SPEED1, i)
     if lanes[BALL + i] == NONE or not aim < lanes[LAST + i] or not sane(x1, v1):
         return False
-    h, mover = aim - age, mover_in(lanes, i)
-    a = acceleration(age, x, v, mover)
-    push = push_of(method.take(h, age, x, v, a, mover)[0], h, v, v1)
+    h = aim - age
+    push, _, _ = method.step_in(lanes, i, h)
     if not (aim <= lanes[SURE_TILL + i] and push <= lanes[HARDEST + i]):
         push *= SPARE
         look = lanes[LOOK + i] * h * (norm(v) + push * h)
@@ -196,7 +203,7 @@ def is_free(lanes, i, method, dt, states, first, body, forces, features, search,
     s = states[int(lanes[BALL + i])]
     while lanes[DUE + i] < aim:
         t = max(lanes[DUE + i] - age, 0.0)
-        _, xt, vt, _ = method.take(t, age, x, v, a, mover)
+        _, xt, vt = method.step_in(lanes, i, t)
         done = lanes[WORKED + i] + work_in(lanes, i, t, xt, vt, body.mass)
         if not fill(record, int(s[FRAME]), first + int(lanes[BALL + i]), xt, vt, done, s[LOST]):
             return False

@@ -173,6 +173,7 @@ def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.
     made = stepping.Steps(
         take=entry(stepping.take, 0.0, 0.0, still, still, still, mover),
         march=entry(coast.march_each if few else coast.march, lane, 0.0, 0.0),
+        step_in=entry(coast.step_in, lane, 0, 0.0),
         commit=entry(coast.commit, lane, 0.0),
         carries=names["CARRIES"],
     )

@@ -258,7 +258,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         if not count_event(s, age):
             how = STALLED
             break
-        if (HOPS or SMALL_STEPS) and hopping and contacts.count == 0 and left == NONE and flown == NONE:
+        if HOPS and hopping and contacts.count == 0 and left == NONE:
             how = READY
             break
 

@@ -20,7 +20,8 @@ class Steps(NamedTuple):
 
     take: Callable  # of this module
     march: Callable  # `march` of `sim.coast`, or `march_each`
-    commit: Callable  # of `sim.coast`
+    step_in: Callable  # of `sim.coast`, as is the next
+    commit: Callable
     carries: bool  # whether a step hands on an acceleration, see `sim.handing`
 
 
