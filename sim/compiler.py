@@ -5,17 +5,35 @@ anew, makes machine code of it and wraps that for Python to call. Here a functio
 is for them to optimise; one that stays apart is machine code of its own, which its callers find by its name.
 """
 
+import gc
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import cgutils, typed_passes, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import PassManager
 from numba.core.datamodel import models
 from numba.core.extending import NativeValue, intrinsic, register_model, unbox
 from numba.core.imputils import lower_builtin
 from numba.np import arrayobj
 
+#: Of numba's passes those that our kernels have a use for: they have no closures, no `with`, and no expressions of arrays.
+PASSES = (
+    untyped_passes.TranslateByteCode,
+    untyped_passes.FixupArgs,
+    untyped_passes.IRProcessing,
+    untyped_passes.RewriteSemanticConstants,
+    untyped_passes.DeadBranchPrune,
+    untyped_passes.GenericRewrites,
+    untyped_passes.ReconstructSSA,
+    typed_passes.NopythonTypeInference,
+    typed_passes.PreLowerStripPhis,
+    typed_passes.IRLegalization,
+    typed_passes.NativeLowering,
+    typed_passes.NoPythonBackend,
+)
 READ, KEEP, DATA = 0, 3, 1  # what llvm.prefetch is told: to read it, to keep it in all caches, and that it is no code
 
 
@@ -42,12 +60,46 @@ class CodeApart(JITCodeLibrary):
 class Plain(Compiler):
     """Compiles a function in which an index below zero is none: numba would look at each whether it counts from the end."""
 
+    def define_pipelines(self):
+        passes = PassManager("kernel")
+        for each in PASSES:
+            passes.add_pass(each, each.__name__)
+        passes.finalize()
+        return [passes]
+
     def _compile_bytecode(self):
         fix, arrayobj.fix_integer_index = arrayobj.fix_integer_index, as_it_is
         try:
-            return super()._compile_bytecode()
+            with swift():
+                return super()._compile_bytecode()
         finally:
             arrayobj.fix_integer_index = fix
+
+
+@contextmanager
+def swift():
+    """What numba found out once it need not find out again: whether, say, floats can be added, it would ask all that it can add.
+    And what it builds up for a kernel the collector need not look through time and again."""
+    find, collects, known = types.BaseFunction.get_call_type, gc.isenabled(), {}
+
+    def remembered(function, context, arguments, keywords):
+        if keywords:
+            return find(function, context, arguments, keywords)
+        key = function, arguments
+        if key not in known:
+            known[key] = find(function, context, arguments, keywords)
+        return known[key]
+
+    if not collects:  # around all that the kernel calls
+        yield
+        return
+    gc.disable()
+    types.BaseFunction.get_call_type = remembered
+    try:
+        yield
+    finally:
+        types.BaseFunction.get_call_type = find
+        gc.enable()
 
 
 def as_it_is(context, builder, kind, index, size):

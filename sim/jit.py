@@ -153,13 +153,15 @@ LARGE = {
     *("onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
     *("curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
     *("coast", "take", "march", "march_each", "step_in", "commit"),
+    *("majorant.fall", "falls_again"),
 }
 
 
 def _melts(function: Callable) -> bool:
     """Whether calls must vanish into the caller: the loop over lanes vectorises only so, and to hand arrays and tuples to a
     function costs more than most of them compute."""
-    return function.__name__ not in LARGE and not function.__module__.startswith(("sim.advance", "sim.contact"))
+    names = {function.__name__, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"}
+    return not names & LARGE and not function.__module__.startswith(("sim.advance", "sim.contact"))
 
 
 def _label(value: Any) -> str:
