@@ -22,12 +22,16 @@ def value_at(parameters: Any, path: Path_) -> Any:
 
 
 def with_value(parameters: Any, path: Path_, value: Any) -> Any:
-    """A copy of `parameters` with `value` at `path`; what it shares with the original is not copied."""
+    """A copy of `parameters` with `value` at `path`; what it shares with the original is not copied.
+
+    What has no room for it, a number or a list where a group should be, gives way to a group.
+    """
     if not path:
         return value
-    copy = list(parameters) if isinstance(parameters, list) else dict(parameters) if isinstance(parameters, dict) else {}
-    inner = copy[path[0]] if isinstance(copy, list) else copy.get(path[0])
-    copy[path[0]] = with_value(inner, path[1:], value)
+    key = path[0]
+    item = isinstance(parameters, list) and isinstance(key, int) and key < len(parameters)
+    copy = list(parameters) if item else dict(parameters) if isinstance(parameters, dict) else {}
+    copy[key] = with_value(copy[key] if item else copy.get(key), path[1:], value)
     return copy
 
 

@@ -173,6 +173,13 @@ def test_a_wrong_part_is_told_at_its_place(faults, new, start, words):
     assert matches(fault, start, words), fault
 
 
+def test_settings_vary_in_what_is_no_group(faults):
+    old = "solver: {method: explicit_euler, step: 0.01, contact: original}"
+    for wrong in ("3", "[1]", "[{method: rk4}]"):
+        told = faults(old, f"solver: {wrong}\nmatrix: {{solver.method: [rk4], solver.step: [0.1]}}")
+        assert matches(told[0], "8:1: solver: ", "must be a group of settings")
+
+
 @pytest.mark.parametrize("name", ["../x", "a/b", "..", ".", "/etc", ".hidden", "a b", "", "x" * 101, "x\\n", "x\\0"])
 def test_a_name_cannot_lead_elsewhere(faults, name):
     (fault,) = faults(None, f'name: "{name}"\n')
