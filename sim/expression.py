@@ -7,7 +7,7 @@ import operator
 
 import numpy as np
 
-from sim.limits import LONGEST_EXPRESSION
+from sim.limits import LONGEST_EXPRESSION, MOST_EVALUATED
 
 FUNCTIONS = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
@@ -15,6 +15,7 @@ FUNCTIONS = {
 }  # fmt: skip
 TWO = {"min", "max"}  # functions of two arguments; all others take one
 CONSTANTS = {"pi": np.pi}
+PORTION = 2**14  # points at a time: what waits in brackets for the rest then takes little memory
 OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: operator.pow,
     ast.UAdd: operator.pos, ast.USub: operator.neg,
@@ -28,18 +29,23 @@ def evaluate(text: str, **variables: np.ndarray) -> np.ndarray:
     """
     if len(text) > LONGEST_EXPRESSION:
         raise ValueError(f"an expression may have at most {LONGEST_EXPRESSION} characters")
+    values = np.empty(np.broadcast_shapes(*(np.shape(v) for v in variables.values())))
+    flat, arrays = values.reshape(-1), {name: np.ravel(v) for name, v in variables.items()}
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        tree = ast.parse(text.strip(), mode="eval").body
+        if sum(isinstance(node, (ast.operator, ast.unaryop, ast.Call)) for node in ast.walk(tree)) * flat.size > MOST_EVALUATED:
+            raise ValueError(f"takes more than {MOST_EVALUATED:,} operations at {flat.size:,} points")
         with np.errstate(all="ignore"):
-            value = _value(tree.body, {**CONSTANTS, **variables})
+            for start in range(0, flat.size, PORTION):
+                some = slice(start, start + PORTION)
+                flat[some] = _value(tree, CONSTANTS | {name: array[some] for name, array in arrays.items()})
     except SyntaxError as error:
         raise ValueError(f"not an expression: {error.msg}") from None
     except OverflowError:
         raise ValueError("a number too large to compute with") from None
     except (RecursionError, MemoryError):
         raise ValueError("an expression nested too deeply") from None
-    shape = np.broadcast_shapes(*(np.shape(v) for v in variables.values()))
-    return np.broadcast_to(np.asarray(value, float), shape)
+    return values
 
 
 def _value(node: ast.AST, names: dict):

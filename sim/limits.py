@@ -9,4 +9,5 @@ MOST_STEPS = 2**53
 # A triangle takes up to 1 kB while it becomes faces, edges and a tree: 10 GB.
 MOST_TRIANGLES = 10_000_000
 MOST_CELLS = 4096  # of a heightfield along one side
+MOST_EVALUATED = 50_000_000  # operations of an expression x points: 6 ns each, or of numbers too small for all their digits 40
 LONGEST_EXPRESSION = 1000  # characters; Python's parser and the stack bear what can nest in them

@@ -132,21 +132,30 @@ class Heightfield:
         if 2 * self.cells[0] * self.cells[1] > MOST_TRIANGLES:
             raise Invalid("cells", f"make {2 * self.cells[0] * self.cells[1]:,} triangles; there may be {MOST_TRIANGLES:,}")
         try:
-            finite = np.isfinite(self.mesh().vertices).all()
+            finite = all(np.isfinite(row).all() for row in self._heights())
         except ValueError as error:
             raise Invalid("height", str(error)) from None
         if not finite:
             raise Invalid("height", "is not finite everywhere on the field")
 
+    def _points(self) -> tuple[np.ndarray, np.ndarray]:
+        """x and z of the corners of cells (n + 1, m + 1) m."""
+        return np.meshgrid(*(np.linspace(-s / 2, s / 2, c + 1) for s, c in zip(self.size, self.cells)), indexing="ij")
+
     @lru_cache(maxsize=4)  # noqa: B019 - asked for again by every run of a sweep
+    def _heights(self) -> np.ndarray:
+        """y there."""
+        x, z = self._points()
+        return evaluate(self.height, x=x, z=z)
+
+    @lru_cache(maxsize=4)  # noqa: B019 - as well
     def mesh(self) -> Mesh:
         n, m = self.cells
-        x, z = (np.linspace(-s / 2, s / 2, c + 1) for s, c in zip(self.size, self.cells))
-        x, z = (a.ravel() for a in np.meshgrid(x, z, indexing="ij"))
+        x, z = self._points()
         corner = (np.arange(n)[:, None] * (m + 1) + np.arange(m)).reshape(-1, 1, 1)
         # counter-clockwise seen from above: normals up
         cell = np.array([[0, 1, m + 2], [0, m + 2, m + 1]])
-        return Mesh(np.stack([x, evaluate(self.height, x=x, z=z), z], axis=1), (corner + cell).reshape(-1, 3))
+        return Mesh(np.stack([x, self._heights(), z], axis=-1).reshape(-1, 3), (corner + cell).reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)

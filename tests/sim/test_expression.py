@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.expression import evaluate
+from sim.expression import PORTION, evaluate
 
 X, Z = np.random.default_rng(0).uniform(0.1, 2, (2, 50))
 
@@ -67,6 +67,13 @@ def test_deep_nesting_is_refused_or_computed():
 def test_values_that_are_not_finite_are_values():
     for text in ("9**9**9", "10**400", "1e999", "log(-x)", "1/(x - x)"):
         assert not np.isfinite(evaluate(text, x=X, z=Z)).any()
+
+
+def test_many_points_are_computed_a_portion_at_a_time():
+    x, z = np.random.default_rng(1).uniform(0.1, 2, (2, 6, PORTION - 5))
+    assert np.array_equal(evaluate("x**z - sin(z)", x=x, z=z), x**z - np.sin(z))
+    with pytest.raises(ValueError, match="takes more than 50,000,000 operations at 98,274 points"):
+        evaluate("x" + "+-x" * 300, x=x, z=z)
 
 
 def test_a_constant_takes_the_shape_of_the_variables():
