@@ -21,4 +21,5 @@ MOST_PLANNED = 1_000_000  # a plan takes some 2 kB of memory a run
 LARGEST_MESH = 500_000_000  # bytes
 SEEN_FIRST = 4096  # bytes that tell whether it is of its format at all, before the rest is read
 LONGEST_HEADER, MOST_PROPERTIES = 20_000, 100  # bytes and properties of a PLY header: each list takes the square of their number
-LONGEST_JSON, MOST_NODES = 20_000_000, 1000  # bytes, and nodes or accessors of a glTF file: chains take the square
+LONGEST_JSON, MOST_NODES = 20_000_000, 1000  # bytes, and nodes, accessors or primitives of a glTF file: up to 1 ms each
+MOST_REPEATED = 2_000_000  # corners and vertices that nodes repeat of meshes in the file: 125 B each

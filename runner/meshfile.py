@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import hashlib
 import io
+import logging
 import stat
+import warnings
 from functools import lru_cache
 from pathlib import Path
 
@@ -65,8 +67,11 @@ def read(path: Path, sha256: str, scale: float, translate: Vector, rotate: Vecto
     """
     import trimesh
 
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it can do without, it would tell on the terminal
     try:
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            # numpy would leave out all that follows what is no number
+            warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
             mesh = trimesh.load(
                 io.BytesIO(FORMATS[_kind(path)](path.read_bytes())), _kind(path), _Nothing(), force="mesh", process=False,
                 skip_materials=True,

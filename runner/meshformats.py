@@ -1,7 +1,8 @@
 """The formats of mesh files, and what of a file goes on to trimesh: triangles, and nothing that points to other files.
 
 trimesh opens what a file names (materials, textures, buffers), unpacks archives whole, and takes a square of the time for
-many groups or list properties. So a file is looked at before, and is refused when it announces more than it holds.
+many groups or list properties. So a file is looked at before, goes on without all that makes no triangles, and is refused
+when it announces more than it holds.
 """
 
 from __future__ import annotations
@@ -10,13 +11,13 @@ import io
 import json
 import re
 import struct
-from collections import Counter
-from typing import Any
 
-from runner.limits import LONGEST_HEADER, LONGEST_JSON, MOST_NODES, MOST_PROPERTIES
-from sim.limits import MOST_TRIANGLES
+from runner.gltf import triangles_of
+from runner.limits import LONGEST_HEADER, LONGEST_JSON, MOST_PROPERTIES
 
 STL_HEADER, STL_FACET = 84, 50  # bytes
+PLY_LINES = {b"ply", b"format", b"element", b"property"}
+PLY_NAMES = {b"x", b"y", b"z", b"vertex_index", b"vertex_indices"}
 GLB_HEADER, GLB_CHUNK, GLB_JSON = "<4sII", "<II", 0x4E4F534A
 
 
@@ -40,70 +41,85 @@ def stl(data: bytes) -> bytes:
     if not _is_text(data, b"solid"):
         return data
     # one solid of all of them
-    return b"solid\n%s\nendsolid" % b"\n".join(re.findall(rb"(?i)vertex[ \t][^\n]*", data))
+    vertices = b"\n".join(re.findall(rb"(?i)vertex[ \t][^\n]*", data))
+    if re.search(rb"(?i)solid|normal", vertices):
+        raise ValueError("a vertex is more than its numbers")
+    return b"solid\n%s\nendsolid" % _numbers(vertices)
 
 
 def obj(data: bytes) -> bytes:
-    """Vertices and faces: no materials, no groups."""
+    """Vertices and faces: no materials, no groups, of a corner no more than its vertex."""
     joined = data.replace(b"\r\n", b"\n").replace(b"\\\n", b" ")
-    return b"\n".join(re.findall(rb"^[ \t]*[vf][ \t][^\n]*", joined, re.MULTILINE))
+    lines = b"\n".join(re.findall(rb"^[ \t]*([vf][ \t][^\n]*)", joined, re.MULTILINE))
+    return _numbers(re.sub(rb"/[^ \t\n]*", b"", lines))
 
 
 def off(data: bytes) -> bytes:
-    """Without comments, and a line at a time: all at once they take 50 times their size."""
-    return b"\n".join(filter(None, (line.partition(b"#")[0].strip() for line in io.BytesIO(data))))
+    """Without comments, a line at a time: all at once they take 50 times their size. Polygons become triangles here."""
+    text = _numbers(b"\n".join(filter(None, (line.partition(b"#")[0].strip() for line in io.BytesIO(data)))))
+    head = re.match(rb"[A-Z]*OFF\s+(\d+)\s+(\d+)[^\n]*\n", text)
+    if not head:
+        raise ValueError("its header tells of no vertices and faces")
+    vertices, faces = map(int, head.groups())
+    lines = text[head.end() :].split(b"\n")
+    if vertices + faces > len(lines):
+        raise ValueError(f"its header tells of {vertices + faces:,} vertices and faces, and it has {len(lines):,} lines")
+    polygons = []
+    for line in lines[vertices : vertices + faces]:
+        count, *corners = line.split()
+        corners = corners[: int(count)]
+        fan = len(corners) > 4  # with which trimesh fails
+        polygons += [b"3 %s %s %s" % (corners[0], *pair) for pair in zip(corners[1:], corners[2:])] if fan else [line]
+    return b"\n".join([b"OFF", b"%d %d 0" % (vertices, len(polygons)), *lines[:vertices], *polygons])
 
 
 def ply(data: bytes) -> bytes:
-    end = data.find(b"end_header", 0, LONGEST_HEADER)
-    if end < 0:
+    """With a header of those lines, and by those names, that make triangles."""
+    end = re.search(rb"^[ \t]*end_header[ \t]*\r?\n", data[:LONGEST_HEADER], re.MULTILINE)
+    if not end:
         raise ValueError("its header has no end")
-    lines = data[:end].splitlines()
-    if len([line for line in lines if line.split()[:1] == [b"property"]]) > MOST_PROPERTIES:
+    lines = [words for line in data[: end.start()].splitlines() if (words := line.split())[:1] and words[0] in PLY_LINES]
+    if len([words for words in lines if words[0] == b"property"]) > MOST_PROPERTIES:
         raise ValueError(f"its elements have more than {MOST_PROPERTIES} properties")
-    for line in lines:
-        words = line.split()
-        if words[:1] == [b"element"] and not 0 <= int(words[-1]) <= len(data):
-            raise ValueError(f"its header tells of {int(words[-1]):,} elements, and {len(data):,} bytes do not hold so many")
-    return data
+    element = b""
+    for number, words in enumerate(lines):
+        if words[0] == b"element":
+            element, count = words[1:]
+            if not 0 <= int(count) <= len(data):
+                raise ValueError(f"its header tells of {int(count):,} elements, and {len(data):,} bytes do not hold so many")
+        elif words[0] == b"property" and words[-1] not in PLY_NAMES:
+            words[-1] = b"other%d" % number
+        if words[:2] == [b"property", b"list"] and element == b"vertex":
+            raise ValueError("its vertices hold lists")
+        if words[:2] == [b"element", b"edge"]:
+            words[1] = b"other"
+    return b"\n".join([*map(b" ".join, lines), b"end_header\n"]) + data[end.end() :]
 
 
 def gltf(data: bytes) -> bytes:
-    _check_tree(json.loads(data[:LONGEST_JSON]), len(data))
-    return data
+    return json.dumps(triangles_of(json.loads(data[:LONGEST_JSON]), len(data))).encode()
 
 
 def glb(data: bytes) -> bytes:
     length, kind = struct.unpack_from(GLB_CHUNK, data, 12)
     if kind != GLB_JSON or length > min(len(data), LONGEST_JSON):
         raise ValueError(f"it has no description of at most {LONGEST_JSON:,} bytes")
-    _check_tree(json.loads(data[20 : 20 + length]), len(data))
-    return data
+    text = json.dumps(triangles_of(json.loads(data[20 : 20 + length]), len(data))).encode()
+    rest = data[20 + length :]
+    rest = rest[: 8 + int.from_bytes(rest[:4], "little")]  # the chunk of its numbers; there are no others that mean anything
+    head = struct.pack(GLB_HEADER, b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack(GLB_CHUNK, len(text), GLB_JSON) + text + rest
 
 
 FORMATS = {"stl": stl, "obj": obj, "off": off, "ply": ply, "glb": glb, "gltf": gltf}
 
 
+def _numbers(text: bytes) -> bytes:
+    """`text`. Raises ValueError for what is in no number: trimesh would look for a coding that it makes sense in."""
+    if not text.isascii():
+        raise ValueError("there is more than numbers in a line of them")
+    return text
+
+
 def _is_text(data: bytes, start: bytes) -> bool:
     return data[:1000].lstrip()[: len(start)].lower() == start and b"\0" not in data[:1000]
-
-
-def _check_tree(tree: dict[str, Any], size: int) -> None:
-    """Raises ValueError for a description that names other files, tells of more than there is, or in which parts recur."""
-    for part in (*tree.get("buffers", []), *tree.get("images", [])):
-        if not part.get("uri", "data:").startswith("data:"):
-            raise ValueError(f"it points to another file, {part['uri'][:100]!r}; it must hold all of it itself")
-    accessors, nodes, meshes = (tree.get(name, []) for name in ("accessors", "nodes", "meshes"))
-    if max(len(accessors), len(nodes)) > MOST_NODES:
-        raise ValueError(f"it has more than {MOST_NODES} nodes or accessors")
-    counts = [each["count"] for each in accessors]
-    if not all(isinstance(count, int) and 0 <= count <= size for count in counts):
-        raise ValueError(f"it tells of {max(counts):,} numbers, and {size:,} bytes do not hold so many")
-    if sum(count for count, each in zip(counts, accessors) if "bufferView" not in each) > size:
-        raise ValueError("it tells of numbers that it does not hold")
-    parents = Counter(child for node in nodes for child in node.get("children", []))
-    if max(parents.values(), default=0) > 1:
-        raise ValueError("its nodes are no trees")
-    corners = [sum(counts[part["indices"]] for part in mesh["primitives"] if "indices" in part) for mesh in meshes]
-    if sum(corners[node["mesh"]] for node in nodes if "mesh" in node) > 3 * MOST_TRIANGLES:
-        raise ValueError(f"it has more than {MOST_TRIANGLES:,} triangles")

@@ -1,5 +1,7 @@
 """Mesh files by hand: what is read, where it is put, and what is refused."""
 
+import base64
+import json
 import os
 from pathlib import Path
 
@@ -42,6 +44,83 @@ def test_formats_give_the_same_triangle(tmp_path, kind):
     path.write_text(TRIANGLE[kind].format(1))
     triangles = read(path)
     assert triangles.vertices[triangles.corners].tolist() == [CORNERS]
+
+
+PENTAGON = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]]
+PLACES = [" ".join(map(str, place)) for place in PENTAGON]
+FAN = [[PENTAGON[0], PENTAGON[k], PENTAGON[k + 1]] for k in (1, 2, 3)]
+FACETS = "".join("outer loop\nvertex {} {} {}\nvertex {} {} {}\nvertex {} {} {}\nendloop\n".format(*a, *b, *c) for a, b, c in FAN)
+
+#: The same with much that makes no triangles: colours, normals, textures, lines, names that are no UTF-8.
+RICH = {
+    "obj": "# \u00e9\nmtllib a.mtl\no \u00e9\ng b\n" + "".join(f"v {place} 1 0.5 0\n" for place in PLACES)
+    + "vt 0 0\nvn 0 0 1\nusemtl c\nf 1/1/1 2/1/1 3/1/1\ns 1\ng d\nf 1//1 3//1 4//1 5//1\nl 1 2\np 1\n",
+    "off": "COFF # \u00e9\n\n5 2 0\n" + "".join(f"{place} 255 0 0\n" for place in PLACES) + "5 0 1 2 3 4 255 0 0\n2 0 1\n",
+    "stl": f"solid \u00e9\nfacet normal 0 0 1\n{FACETS}endfacet\nendsolid \u00e9\nsolid none\nendsolid none\n",
+    "ply": "ply\nformat ascii 1.0\ncomment \u00e9\nobj_info x\nelement vertex 5\nproperty float s\nproperty float t\nproperty float x\n"
+    "property float y\nproperty float z\nproperty uchar red\nproperty float nx\nelement face 2\n"
+    "property list uchar int vertex_indices\nproperty list uchar float texcoord\nelement edge 1\nproperty int vertex1\n"
+    "property int vertex2\nend_header\n" + "".join(f"0 1 {place} 9 8\n" for place in PLACES) + "3 0 1 2 2 7 7\n4 0 2 3 4 2 7 7\n0 1\n",
+}
+
+
+@pytest.mark.parametrize("kind", RICH)
+def test_polygons_are_read_without_what_makes_no_triangles(tmp_path, kind):
+    path = tmp_path / f"t.{kind}"
+    path.write_bytes(RICH[kind].encode("latin-1"))
+    triangles = read(path)
+    found = triangles.vertices[triangles.corners].tolist()
+    assert sorted(min(each[k:] + each[:k] for k in range(3)) for each in found) == sorted(FAN)
+
+
+def described(**parts) -> dict:
+    """A triangle in glTF twice: its node's matrix and a child put it in other places."""
+    numbers = np.array(CORNERS, "<f4").tobytes() + np.arange(3, dtype="<u2").tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(numbers).decode()
+    return {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [
+            {"mesh": 0, "children": [1], "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1]},
+            {"mesh": 0, "translation": [0, 0, 7], "scale": [2, 2, 2]},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 42, "uri": uri}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+        ],
+    } | parts  # fmt: skip
+
+
+#: A quarter turn about z and 5 m along x; and before that to twice the size and 7 m along z.
+TURNED = [[[5, 0, 0], [5, 1, 0], [3, 0, 0]], [[5, 0, 7], [5, 2, 7], [1, 0, 7]]]
+
+
+def test_gltf_is_read_without_what_makes_no_triangles(tmp_path):
+    rich = described()
+    triangle = rich["meshes"][0]["primitives"][0]
+    triangle["attributes"] |= {"NORMAL": 2, "COLOR_0": 2, "_X": 2}
+    triangle |= {"material": 0, "extensions": {"X": {}}, "extras": [1]}
+    for mode in (0, 1, 3):  # points and lines
+        rich["meshes"][0]["primitives"].append({"mode": mode, "attributes": {"POSITION": 0}})
+    rich["meshes"].append({"primitives": [{"mode": 1, "attributes": {"POSITION": 0}}]})
+    rich["accessors"].append({"componentType": 5126, "count": 3, "type": "VEC3", "sparse": {}})
+    rich["bufferViews"].append({"buffer": 0, "byteLength": 36, "extensions": {"X": {}}})
+    rich |= {"cameras": [{}], "materials": [{}], "extras": {"a": 1}, "animations": [{}]}
+    top, child = rich["nodes"]
+    rich["nodes"] = [{"camera": 0, "children": [1], "name": "world"}, top | {"children": [2]}, {"mesh": 1, "children": [3]}, child | {"extras": 1}]
+    for name, tree in {"plain": described(), "rich": rich}.items():
+        (tmp_path / f"{name}.gltf").write_text(json.dumps(tree))
+        triangles = read(tmp_path / f"{name}.gltf")
+        assert np.allclose(sorted(triangles.vertices[triangles.corners].tolist()), TURNED, atol=1e-15), name
+
+
+@pytest.mark.parametrize("kind", ["obj", "off", "stl"])
+def test_a_mesh_does_not_end_at_what_is_no_number(fault, kind):
+    """numpy would read no further, and tell nobody."""
+    Path(f"t.{kind}").write_text(RICH[kind].replace("2 1 0", "2 1,0 0").replace("\u00e9", "e"))
+    assert fault(f"t.{kind}").startswith(f"{PLACE}t.{kind} is not a mesh that can be read")
 
 
 def corners_of(triangles):
