@@ -30,7 +30,7 @@ def main() -> None:
     """The `carom` command: expected failures are a line each and an exit code, never a traceback."""
     try:
         app()
-    except (InputError, RunError, OSError, MemoryError) as error:
+    except (InputError, RunError, OSError, MemoryError, UnicodeEncodeError) as error:  # the last: of a name that is no text
         if "--debug" in sys.argv:
             raise
         print("not enough memory" if isinstance(error, MemoryError) else error, file=sys.stderr)

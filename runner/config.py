@@ -154,7 +154,7 @@ def check(document: Document) -> Experiment:
         faults += error.faults
     if faults:
         raise InputError(*dict.fromkeys(faults + _value_faults(document, matrix)))
-    name = file.name or document.path.stem.strip(".") or "experiment"
+    name = file.name or "".join(filter(str.isprintable, document.path.stem)).strip(". ") or "experiment"
     return Experiment(name, document, _run(document, {}), matrix, tuple(file.expect), tuple(file.charts))
 
 

@@ -22,7 +22,8 @@ class Fault(NamedTuple):
 
 def one_line(text: str) -> str:
     """`text` as a line of bearable length, on which nothing but what can be seen stands."""
-    text = text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
+    if len(text) > LONGEST_LINE:  # what is wrong stands at the end, often
+        text = f"{text[: LONGEST_LINE - 203]}...{text[-200:]}"
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -38,7 +39,7 @@ class InputError(Exception):
     def __init__(self, *faults: Fault | str):
         self.faults = sorted(faults, key=_position)
         more = ["... and more mistakes"] if len(faults) > MOST_TOLD else []
-        super().__init__("\n".join([str(fault) for fault in self.faults[:MOST_TOLD]] + more))
+        super().__init__("\n".join([one_line(str(fault)) for fault in self.faults[:MOST_TOLD]] + more))
 
 
 class RunError(Exception):

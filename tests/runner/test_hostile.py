@@ -69,6 +69,9 @@ FILES = {
     "steps": (FALL.replace("step: 0.01", "step: 1e-300"), "8:34: solver.step: ", "makes 2e+299 steps"),
     "cells": (field([4096, 4096], "x"), "4:47: scene.surfaces.floor.cells: ", "make 33,554,432 triangles"),
     "a tower of powers": (field([2, 2], "9**9**9**9"), "4:62: scene.surfaces.floor.height: ", "not finite"),
+    "powers at millions of points": (
+        field([4096, 1220], "x**z" + "**x**z" * 160), "4:68: scene.surfaces.floor.height: ", "takes more than 50,000,000 operations at 5,002,437"
+    ),
     "a name of a file": (FALL.replace("shape: plane", f"shape: mesh, file: {'a/' * 2000}x.obj"), "4:26: scene.", "..."),
     "a nul in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\0.obj"'), "4:26: scene.surfaces.floor.file: ", "null"),
     "a line feed in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\n.obj"'), "4:26: scene.", "no file a\\n.obj"),
@@ -85,6 +88,9 @@ MANY = {
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY = b"ply\nformat %s 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n%send_header\n0 0 0\n"
+HIDDEN = b"ply\nformat binary_little_endian 1.0\ncomment an end_header\n" + b"element vertex 1\n" + b"".join(
+    b"property list uchar int a%d\n" % n for n in range(400)
+)
 LAUGHS = "".join(f'<!ENTITY {chr(98 + n)} "{f"&{chr(97 + n)};" * 10}">' for n in range(9))
 XML = f'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "ha">{LAUGHS}]><model>&j;</model>'.encode()
 
@@ -105,6 +111,19 @@ def gltf(**parts) -> dict:
     } | parts  # fmt: skip
 
 
+def glb(numbers=bytes(48), **parts) -> bytes:
+    """The same triangle in the binary format, with its `numbers` in a chunk of their own."""
+    text = json.dumps(gltf(buffers=[{"byteLength": len(numbers)}], **parts)).encode()
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(numbers), 0x4E4942) + numbers
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def strided(count, **view):
+    """Vertices that overlap, in the first of its views."""
+    views, accessors = gltf()["bufferViews"], gltf()["accessors"]
+    return {"bufferViews": [views[0] | view, views[1]], "accessors": [accessors[0] | {"count": count}, accessors[1]]}
+
+
 def zeros(count):
     return {"accessors": [{"componentType": 5126, "count": count, "type": "VEC3"}]}
 
@@ -118,14 +137,32 @@ def zipped(name, content) -> bytes:
 
 #: what: (ending, content, words)
 MESHES = {
+    "solids in a line of stl": ("stl", b"solid a\n" + b"vertex 0 0 0 endsolid solid\n" * 20_000 + b"endsolid\n", "a vertex is more than its numbers"),
     "triangles in stl": ("stl", bytes(80) + struct.pack("<I", 10**9) + bytes(500), "tells of 1,000,000,000 triangles"),
     "vertices in binary ply": ("ply", PLY % (b"binary_little_endian", 10**9, b""), "tells of 1,000,000,000 elements"),
     "vertices in ply": ("ply", PLY % (b"ascii", 10**9, b""), "tells of 1,000,000,000 elements"),
     "lists in ply": ("ply", PLY % (b"binary_little_endian", 1, b"property list uchar int a\n" * 400), "more than 100 properties"),
+    "a header behind its end in ply": ("ply", HIDDEN + b"end_header\n" + bytes(100_000), "more than 100 properties"),
+    "lists of vertices in ply": ("ply", PLY.replace(b"float z", b"list uchar float z") % (b"ascii", 1, b""), "hold lists"),
     "a header of ply": ("ply", b"ply\nformat ascii 1.0\n" + b"comment\n" * 100_000, "its header has no end"),
-    "vertices in off": ("off", b"OFF\n1000000000 1000000000 0\n0 0 0\n", "is not a mesh"),
+    "vertices in off": ("off", b"OFF\n1000000000 1000000000 0\n0 0 0\n", "tells of 2,000,000,000 vertices and faces"),
     "numbers in gltf": ("gltf", gltf(**zeros(10**9)), "tells of 1,000,000,000 numbers"),
     "nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1]} for n in range(5000)]), "more than 1000 nodes"),
+    "a chain of nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1]} for n in range(60)] + [{}]), "nested too deeply"),
+    "a ring of nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [1]}, {"children": [0]}]), "nested too deeply"),
+    "primitives in gltf": ("gltf", gltf(meshes=gltf()["meshes"] + [{"primitives": gltf()["meshes"][0]["primitives"] * 20_000}]), "more than 1000"),
+    "numbers that overlap in glb": (
+        "glb", glb(bytes(10_000_000), **strided(9_000_000, byteLength=9_500_000, byteStride=1)), "numbers that it does not hold",
+    ),
+    "nodes that repeat in glb": (
+        "glb", glb(bytes(3_600_048), nodes=[{"mesh": 0, "children": [*range(1, 100)]}] + [{"mesh": 0}] * 99, **strided(300_000, byteLength=3_600_000)),
+        "repeat too many",
+    ),
+    "compressed in gltf": (
+        "gltf", gltf(accessors=[{key: each[key] for key in each if key != "bufferView"} for each in gltf()["accessors"]]), "compressed, or not at all",
+    ),
+    "sparse in gltf": ("gltf", gltf(accessors=[each | {"sparse": {}} for each in gltf()["accessors"]]), "compressed, or not at all"),
+    "fans in gltf": ("gltf", gltf(meshes=[{"primitives": [{"mode": 6, "attributes": {"POSITION": 0}}]}]), "fans"),
     "nodes in nodes": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1, n + 1]} for n in range(40)]), "no trees"),
     "a device in gltf": ("gltf", gltf(buffers=[{"byteLength": 48, "uri": "/dev/zero"}]), "points to another file, '/dev/zero'"),
     "a file in gltf": ("gltf", gltf(buffers=[{"byteLength": 48, "uri": "../x.bin"}]), "points to another file, '../x.bin'"),
@@ -208,6 +245,17 @@ def test_many_groups_are_read_as_one(here, carom):
     for name in ("m.obj", "m.stl"):
         Path("x.yaml").write_text(FALL.replace("shape: plane", f"shape: mesh, file: {name}"))
         assert carom("check", "x.yaml").code == 0
+
+
+def test_an_experiment_in_a_file_whose_name_is_no_text(here, carom_process):
+    """It may come from another system; what is made of it has a name that can be written."""
+    Path("f\udcffll\n.yaml").write_text(FALL.replace("[hdf5]", "[]"))
+    done = carom_process("sweep", "f\udcffll\n.yaml", "--dry-run", cwd=here)
+    assert (done.code, done.out.split("\n")[0], done.err) == (0, "outputs/fll: 1 runs, 0 done, 1 to do", "")
+    done = carom_process("check", "f\udcffll\n.yaml", cwd=here, PYTHONIOENCODING="utf-8:strict")
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    done = carom_process("check", "g\udcffll\n.yaml", cwd=here)
+    assert (done.code, done.out, done.err) == (2, "", "g\\udcffll\\n.yaml: no such file (did you mean 'f\\udcffll\\n.yaml'?)\n")
 
 
 def test_pipes_are_no_experiments(here, carom):
