@@ -1,5 +1,7 @@
 """A long fuzz: `python -m tests.fuzz TARGET --seconds 600 [--seed 1]`, or with coverage as its guide `--atheris` (extra `fuzz`).
 
+The seconds are of processor time, with atheris by the clock.
+
 Ends at the first input that does what it must not, which it keeps in found-TARGET; else tells how many it tried.
 atheris keeps what leads to new code in learnt-TARGET/, and goes on from there.
 """
@@ -7,8 +9,8 @@ atheris keeps what leads to new code in learnt-TARGET/, and goes on from there.
 from __future__ import annotations
 
 import argparse
+import gc
 import os
-import signal
 import sys
 import tempfile
 import time
@@ -17,8 +19,9 @@ from pathlib import Path
 from random import Random
 
 from tests.fuzz import mutation
+from tests.fuzz.watch import Watched, memory
 
-LONGEST = 5  # s of processor time that an input may take; alone they take milliseconds
+TOLD = 60  # s between two lines on how far it is
 
 
 def main() -> None:
@@ -28,53 +31,66 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--atheris", action="store_true")
     options = parser.parse_args()
+    sys.dont_write_bytecode = True
     if options.atheris:
         import atheris
 
-        with atheris.instrument_imports(include=["runner", "sim"]):
-            from tests.fuzz.targets import TARGETS
+        with atheris.instrument_imports(include=["runner", "sim", "ruamel", "trimesh.exchange"]):
+            from tests.fuzz import targets
     else:
-        from tests.fuzz.targets import TARGETS
-    keep, corpus = Path(f"found-{options.target}").resolve(), mutation.seeds(options.target)
-    tried, learnt = watched(TARGETS[options.target], keep), Path(f"learnt-{options.target}").resolve()
+        from tests.fuzz import targets
+    keep, learnt = Path(f"found-{options.target}").resolve(), Path(f"learnt-{options.target}").resolve()
     if options.atheris:
         learnt.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
+        targets.prepare()
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python does not tell users of them
+        target = Watched(targets.TARGETS[options.target])
+        told = time.monotonic()
+
+        def tried(data: bytes) -> None:
+            nonlocal told
+            try:
+                target(data)
+            except BaseException:
+                keep.write_bytes(data)
+                raise
+            if time.monotonic() > told + TOLD:
+                told = time.monotonic()
+                tell()
+
+        def tell() -> None:
+            print(
+                f"{options.target}: {target.inputs:,} inputs in {time.process_time():.0f} s of processor time; the slowest took "
+                f"{target.longest:.2f} s, {target.slowest[:200]!r}; {memory() // 1000} MB",
+                flush=True,
+            )
+
+        for data in mutation.seeds(options.target):
+            tried(data)
+        gc.freeze()  # the libraries' own: to look through it takes ten times as long as a mesh
         if options.atheris:
-            for number, data in enumerate(corpus):
+            for number, data in enumerate(mutation.seeds(options.target)):
                 (learnt / str(number)).write_bytes(data)
+
+            def changed(data: bytes, most: int, seed: int) -> bytes:
+                random = Random(seed)
+                if random.random() < 0.4:
+                    return atheris.Mutate(data, most)
+                return mutation.mutated(random, options.target, data)[:most]
+
             arguments = [sys.argv[0], f"-max_total_time={options.seconds:.0f}", f"-seed={options.seed + 1}", "-rss_limit_mb=2000"]
-            atheris.Setup([*arguments, "-print_final_stats=1", "-verbosity=1", str(learnt)], tried)
+            atheris.Setup(
+                [*arguments, f"-max_len={mutation.LONGEST}", "-print_final_stats=1", "-verbosity=1", str(learnt)], tried, custom_mutator=changed
+            )
             atheris.Fuzz()
             return
-        random, count, end = Random(options.seed), 0, time.monotonic() + options.seconds
-        while time.monotonic() < end:
-            tried(mutation.mutated(random, corpus))
-            count += 1
-        print(f"{options.target}: {count:,} inputs in {options.seconds:.0f} s, {time.process_time():.0f} s of processor time")
-
-
-def watched(target, keep: Path):
-    """`target`, keeping the input that fails in the file `keep`, or that takes too long."""
-
-    def late(*_):
-        raise TimeoutError(f"more than {LONGEST} s")
-
-    signal.signal(signal.SIGVTALRM, late)
-
-    def tried(data: bytes) -> None:
-        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
-        try:
-            target(data)
-        except BaseException:
-            keep.write_bytes(data)
-            raise
-        finally:
-            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-
-    return tried
+        random = Random(options.seed)
+        while time.process_time() < options.seconds:
+            tried(mutation.mutated(random, options.target))
+        tell()
 
 
 if __name__ == "__main__":
