@@ -110,9 +110,11 @@ class Document:
     def _note(self, path: Path_, parent: Any, key: Any) -> None:
         try:
             # the key where it stands on the value's line or before: errors point at the name of a setting
-            self._places[path] = parent.lc.key(key) if isinstance(parent, dict) else parent.lc.item(key)
+            place = parent.lc.key(key) if isinstance(parent, dict) else parent.lc.item(key)
         except (KeyError, AttributeError, TypeError):
-            pass  # merged in by `<<`: the place around it serves
+            place = None
+        if place:  # what is merged in by `<<` may have none: that around it serves
+            self._places[path] = place
 
     def override(self, path: Path_, value: Any, origin: str) -> None:
         """Put `value` at `path`, in the data and in the file's text; mistakes in it are told as at `origin`."""

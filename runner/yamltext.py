@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, ScalarEvent
+from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from runner.limits import DEEPEST, LONGEST_TEXT, MOST_VALUES
 
@@ -44,6 +45,10 @@ class _Sparing(Composer):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event, before = self.parser.peek_event(), self._values
+        if isinstance(parent, MappingNode) and index is None:  # a key; groups as keys of groups take twice the time a level
+            of = self.anchors.get(event.anchor) if isinstance(event, AliasEvent) else event
+            if not isinstance(of, (ScalarEvent, ScalarNode)):
+                _refuse("a key must be a text", event)
         if isinstance(event, AliasEvent):
             size = self._sizes.get(event.anchor, 1)
             if size is None:

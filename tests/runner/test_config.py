@@ -173,6 +173,12 @@ def test_a_wrong_part_is_told_at_its_place(faults, new, start, words):
     assert matches(fault, start, words), fault
 
 
+def test_mistakes_in_what_is_no_more_than_merged_are_told(faults):
+    told = faults("floor: {shape: plane}", "floor: &a {shape: plane, norml: 1}\n    other: {<<: *a}")
+    assert len(told) == 2 and matches(told[0], "4:30: scene.surfaces.floor.norml: ", "did you mean 'normal'?")
+    assert matches(told[1], "5:5: scene.surfaces.other.norml: ", "did you mean 'normal'?")
+
+
 def test_settings_vary_in_what_is_no_group(faults):
     old = "solver: {method: explicit_euler, step: 0.01, contact: original}"
     for wrong in ("3", "[1]", "[{method: rk4}]"):
