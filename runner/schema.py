@@ -26,7 +26,7 @@ from pydantic_core import PydanticCustomError
 
 from runner import meshfile, record
 from sim.forces import FIELDS
-from sim.model import Balls, Invalid, Positive, Vector
+from sim.model import Balls, Invalid, Positive, Size, Vector
 from sim.release import Emitter, Listed, Scatter, Start
 from sim.shapes import SHAPES
 from sim.simulate import METHODS, Scene, Solver, check_records
@@ -145,7 +145,7 @@ class BallsModel(Model):
     """The balls of a run, all of one kind; exactly one of `emitter`, `released` and `scatter` says how they start."""
 
     mass: Positive = 1.0  # kg
-    radius: Positive = 0.06  # m
+    radius: Size = 0.06  # m
     lifetime: Positive = 15.0  # s
     emitter: model_of(Emitter) | None = None
     released: Annotated[list[model_of(Start)], Field(min_length=1)] | None = None

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from sim.model import Invalid, NonNegative, Vector, check, unit
+from sim.model import Invalid, NonNegative, Place, Vector, check, unit
 
 Interval = tuple[float, float]
 
@@ -68,7 +68,7 @@ class Spring(Field):
     """force = -stiffness * (position - center)."""
 
     stiffness: NonNegative  # N/m
-    center: Vector = (0.0, 0.0, 0.0)  # m
+    center: Place = (0.0, 0.0, 0.0)  # m
     conservative: ClassVar[bool] = True
 
     def affine(self) -> tuple[np.ndarray, float, float]:

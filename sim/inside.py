@@ -94,9 +94,9 @@ def sunk(shapes: Sequence, features: Features, x: np.ndarray, radius: float) -> 
     ball, face = np.append(ball, near[item < n]), np.append(face, item[item < n])
     depth = radius - distances(faces, face, x[ball])
     for number, shape in enumerate(shapes):
-        if shape.two_sided:
-            continue
         mine = np.flatnonzero(faces.surface == number)
+        if shape.two_sided or len(mine) == 0:  # it may be too small to have a face
+            continue
         behind = np.flatnonzero(_behind(shape, faces, mine, x))
         balls, walls = np.repeat(behind, len(mine)), np.tile(mine, len(behind))
         nearest = distances(faces, walls, x[balls]).reshape(-1, len(mine)).min(axis=1, initial=np.inf)

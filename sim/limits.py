@@ -1,5 +1,7 @@
 """How much a run may hold. What is beyond is a slip of the pen or an attack, and is told before any memory goes into it."""
 
+# Coordinates and lengths, m: floats are 0.1 mm apart there, and farther out squares and products of lengths overflow.
+FARTHEST = 1e12
 # A ball takes 56 B at its release and some 300 B in flight: 4 GB.
 MOST_BALLS = 10_000_000
 # A ball takes 64 B in each recorded frame (place, velocity, work, loss): 64 GB.

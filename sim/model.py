@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
+
+from sim.limits import FARTHEST
 
 #: One impact. `position` is the ball's centre at the impact, `normal` points from the surface to the ball, the speeds
 #: are those before the impact, `surface` counts the scene's surfaces in their order. The contact point is
@@ -36,7 +38,9 @@ FASTEST = 1e8
 
 #: Types that say their own range; `check` and the YAML schema both read it.
 Vector = tuple[float, float, float]
+Place = tuple[*[Annotated[float, Ge(-FARTHEST), Le(FARTHEST)]] * 3]  # m
 Positive = Annotated[float, Gt(0)]
+Size = Annotated[float, Gt(0), Le(FARTHEST)]  # m
 NonNegative = Annotated[float, Ge(0)]
 Fraction = Annotated[float, Ge(0), Le(1)]
 
@@ -69,13 +73,20 @@ def _ranges(kind: type) -> dict[str, list[tuple[str, Callable, float]]]:
     return {
         name: [
             (symbol, holds, bound)
-            for part in (hint, *get_args(hint))
+            for part in dict.fromkeys(_parts(hint))
             for limit in getattr(part, "__metadata__", ())
             for symbol, holds, key in ((">", operator.gt, "gt"), (">=", operator.ge, "ge"), ("<=", operator.le, "le"))
             if (bound := getattr(limit, key, None)) is not None
         ]
         for name, hint in get_type_hints(kind, include_extras=True).items()
     }
+
+
+def _parts(hint: Any) -> Iterator[Any]:
+    """The type `hint` and the types in it."""
+    yield hint
+    for inner in get_args(hint):
+        yield from _parts(inner)
 
 
 def finite(value: float | tuple) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from sim.limits import MOST_BALLS
-from sim.model import Invalid, NonNegative, Positive, Vector, check, unit
+from sim.model import Invalid, NonNegative, Place, Positive, Vector, check, unit
 
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 
@@ -44,7 +44,7 @@ class Emitter:
     The cosine of the angle to the axis is uniform in [cos(spread/2), 1], the azimuth uniform: even over the sphere.
     """
 
-    position: Vector  # m
+    position: Place  # m
     direction: Vector
     speed: NonNegative = 8.0  # m/s
     spread: Annotated[float, Ge(0), Le(360)] = 0.0  # degrees
@@ -76,7 +76,7 @@ class Emitter:
 class Start:
     """One ball, released at time 0."""
 
-    position: Vector  # m
+    position: Place  # m
     velocity: Vector = (0.0, 0.0, 0.0)  # m/s
 
     __post_init__ = check
@@ -102,7 +102,7 @@ class Scatter:
     """`count` balls at time 0, evenly in a box, in every direction alike, speeds uniform up to `max_speed`."""
 
     count: Annotated[int, Ge(1), Le(MOST_BALLS)]
-    box: tuple[Vector, Vector]  # m, two opposite corners
+    box: tuple[Place, Place]  # m, two opposite corners
     max_speed: NonNegative = 0.0  # m/s
     seed: Seed = 0
 

@@ -13,8 +13,8 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.expression import evaluate
-from sim.limits import MOST_CELLS, MOST_TRIANGLES
-from sim.model import Invalid, Mesh, Positive, Vector, check, unit
+from sim.limits import FARTHEST, MOST_CELLS, MOST_TRIANGLES
+from sim.model import Invalid, Mesh, Place, Size, Vector, check, unit
 
 SHOWN = 10.0  # m, side of the patch drawn of an infinite plane
 
@@ -41,6 +41,15 @@ def quads(corner: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Mesh:
     return Mesh(vertices, (start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3))
 
 
+def _beyond(lengths: np.ndarray) -> str:
+    """What `lengths` (m) should be and some are not: finite, and no farther than things may be."""
+    with np.errstate(invalid="ignore"):
+        low, high = lengths.min(), lengths.max()
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return "finite"
+    return "" if -FARTHEST <= low and high <= FARTHEST else f"within {FARTHEST:g} m"
+
+
 @dataclass(frozen=True)
 class Plane:
     """Infinite and one-sided: solid behind the normal."""
@@ -49,7 +58,7 @@ class Plane:
     unbounded: ClassVar[bool] = True
     solid: ClassVar[bool] = True
 
-    point: Vector = (0.0, 0.0, 0.0)  # m
+    point: Place = (0.0, 0.0, 0.0)  # m
     normal: Vector = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -69,10 +78,10 @@ class Rectangle:
     unbounded: ClassVar[bool] = False
     solid: ClassVar[bool] = False
 
-    center: Vector  # m
+    center: Place  # m
     normal: Vector
-    size: tuple[Positive, Positive]  # m
-    up: Vector | None = None
+    size: tuple[Size, Size]  # m
+    up: Place | None = None
 
     def __post_init__(self) -> None:
         check(self)
@@ -96,8 +105,8 @@ class Box:
     unbounded: ClassVar[bool] = False
     solid: ClassVar[bool] = True
 
-    center: Vector  # m
-    size: tuple[Positive, Positive, Positive]  # m
+    center: Place  # m
+    size: tuple[Size, Size, Size]  # m
     inside: bool = False
 
     __post_init__ = check
@@ -123,7 +132,7 @@ class Heightfield:
     unbounded: ClassVar[bool] = False
     solid: ClassVar[bool] = False
 
-    size: tuple[Positive, Positive]  # m, along x and z
+    size: tuple[Size, Size]  # m, along x and z
     cells: tuple[Cells, Cells]  # along x and z
     height: str  # m, an expression in x and z
 
@@ -132,11 +141,11 @@ class Heightfield:
         if 2 * self.cells[0] * self.cells[1] > MOST_TRIANGLES:
             raise Invalid("cells", f"make {2 * self.cells[0] * self.cells[1]:,} triangles; there may be {MOST_TRIANGLES:,}")
         try:
-            finite = all(np.isfinite(row).all() for row in self._heights())
+            heights = self._heights()
         except ValueError as error:
             raise Invalid("height", str(error)) from None
-        if not finite:
-            raise Invalid("height", "is not finite everywhere on the field")
+        if wrong := _beyond(heights):
+            raise Invalid("height", f"is not {wrong} everywhere on the field")
 
     def _points(self) -> tuple[np.ndarray, np.ndarray]:
         """x and z of the corners of cells (n + 1, m + 1) m."""
@@ -176,9 +185,9 @@ class Triangles:
             raise Invalid("mesh", f"has {len(self.corners):,} triangles; there may be {MOST_TRIANGLES:,}")
         if self.corners.min() < 0 or self.corners.max() >= len(self.vertices):
             raise Invalid("mesh", f"a triangle has a corner that is none of the {len(self.vertices)} vertices")
-        if not np.isfinite(self.vertices).all():
-            bad = int(np.sum(~np.isfinite(self.vertices).all(axis=1)))
-            raise Invalid("mesh", f"{bad} of {len(self.vertices)} vertices are not finite")
+        if wrong := _beyond(self.vertices):
+            bad = int(np.sum(~(np.abs(self.vertices) <= FARTHEST).all(axis=1)))
+            raise Invalid("mesh", f"{bad} of {len(self.vertices)} vertices are not {wrong}")
 
     def mesh(self) -> Mesh:
         return Mesh(self.vertices, self.corners)
