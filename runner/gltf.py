@@ -92,9 +92,12 @@ def _check_numbers(accessors: list[Tree], kind: str, views: list[Tree], size: in
             raise ValueError("it holds numbers compressed, or not at all")
         if each["type"] != kind:
             raise ValueError(f"an accessor is {str(each['type'])[:20]!r} where it must be {kind!r}")
-        total += each["count"] * NUMBERS[kind] * BYTES[each["componentType"]]
-    if total > 2 * size:  # some share what they hold
-        raise ValueError("it tells of numbers that it does not hold")
+        width, view = NUMBERS[kind] * BYTES[each["componentType"]], views[each["bufferView"]]
+        start, stride = each.get("byteOffset", 0), view.get("byteStride", width)
+        total += each["count"] * width
+        # some share what they hold
+        if not (0 <= start <= view["byteLength"] - stride * (each["count"] - 1) - width and width <= stride and total <= 2 * size):
+            raise ValueError("it tells of numbers that it does not hold")
 
 
 def _check_nodes(nodes: list[Tree]) -> None:

@@ -42,7 +42,9 @@ FILES = {
     "many values": (FALL + f"charts: [{'1, ' * 30_000}]\n", "11:", "more than 20,000 values"),
     "a large file": (FALL + "#\n" * 300_000, "", "larger than 500 kB"),
     "lists in lists": ("- " * 200_000, "1:103: ", "nested too deeply"),
-    "keys in keys": ("? " * 200_000, "1:103: ", "nested too deeply"),
+    "keys in keys": ("? " * 200_000, "1:3: ", "a key must be a text"),
+    "groups as keys": (f"charts: {'{? ' * 45}a{'}' * 45}", "1:12: ", "a key must be a text"),
+    "an alias of a list as a key": ("a: &a [1]\nb: {*a : 1}", "2:5: ", "a key must be a text"),
     "groups in groups": (FALL + f"charts: {'{a: ' * 90_000}", "11:", "nested too deeply"),
     "merged again and again": (
         f"a0: &a0 {{{', '.join(f'k{n}: 1' for n in range(2000))}}}\n" + "".join(f"a{n}: &a{n} {{<<: *a{n - 1}}}\n" for n in range(1, 300)),
@@ -72,6 +74,11 @@ FILES = {
     "powers at millions of points": (
         field([4096, 1220], "x**z" + "**x**z" * 160), "4:68: scene.surfaces.floor.height: ", "takes more than 50,000,000 operations at 5,002,437"
     ),
+    "a place too far": (FALL.replace("[0, 1, 0]", "[0, 1.0e+300, 0]"), "7:29: balls.released.0.position.1: ", "must be <= 1e+12, not 1e+300"),
+    "a size too large": (
+        FALL.replace("plane", "box, center: [0, 0, 0], size: [1, 1.0e+154, 1]"), "4:54: scene.surfaces.floor.size.1: ", "must be <= 1e+12",
+    ),
+    "heights too far": (field([2, 2], "1e13*x"), "4:62: scene.surfaces.floor.height: ", "not within 1e+12 m"),
     "a name of a file": (FALL.replace("shape: plane", f"shape: mesh, file: {'a/' * 2000}x.obj"), "4:26: scene.", "..."),
     "a nul in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\0.obj"'), "4:26: scene.surfaces.floor.file: ", "null"),
     "a line feed in a name": (FALL.replace("shape: plane", 'shape: mesh, file: "a\\n.obj"'), "4:26: scene.", "no file a\\n.obj"),
@@ -154,6 +161,7 @@ MESHES = {
     "numbers that overlap in glb": (
         "glb", glb(bytes(10_000_000), **strided(9_000_000, byteLength=9_500_000, byteStride=1)), "numbers that it does not hold",
     ),
+    "numbers beyond a view in glb": ("glb", glb(bytes(1000), **strided(3, byteStride=20)), "numbers that it does not hold"),
     "nodes that repeat in glb": (
         "glb", glb(bytes(3_600_048), nodes=[{"mesh": 0, "children": [*range(1, 100)]}] + [{"mesh": 0}] * 99, **strided(300_000, byteLength=3_600_000)),
         "repeat too many",
@@ -190,6 +198,25 @@ def test_a_hostile_file_is_refused_in_a_line(here, carom, what):
     assert (code, out, err.count("\n"), os.listdir()) == (2, "", 1, ["x.yaml"])
     assert err.startswith(f"x.yaml:{place}") if place else True
     assert words in err and len(err) < 600, err
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("command", ["check", "explain"])
+def test_what_is_as_large_or_small_as_may_be_is_looked_at_in_silence(here, carom, command):
+    """Numbers overflow, and faces vanish, where what is looked at knows no bounds."""
+    for size in ("1e-320", "1e-160", "1e12"):
+        Path("m.obj").write_text(f"v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv 0 0 {size}\nf 1 2 3\nf 1 2 4\nf 2 3 4\n")
+        shapes = [
+            "mesh, file: m.obj", f"plane, point: [{size}, 0, {size}], normal: [{size}, 0, -{size}]",
+            f"rectangle, center: [0, 0, 0], normal: [0, 1, {size}], size: [1, {size}], up: [1, 0, 0]",
+            f"box, center: [{size}, 0, 0], size: [{size}, 1, {size}]", f"box, center: [0, 0, {size}], size: [{size}, {size}, 1], inside: true",
+            f"heightfield, size: [{size}, 1], cells: [3, 2], height: '{size}*x*z/({size}+1)'",
+        ]  # fmt: skip
+        for shape, radius in zip(shapes * 2, ["1.0e-320"] * 6 + ["1.0e+12"] * 6):
+            text = FALL.replace("original", "swept").replace("plane", shape)
+            Path("x.yaml").write_text(text.replace("mass: 1", f"mass: 1\n  radius: {radius}"))
+            code, out, err = carom(command, "x.yaml")
+            assert (code, err) == (0, "") or (code, err.count("\n")) == (2, 1) and "inside the surface" in err, (shape, radius, err)
 
 
 @pytest.mark.parametrize("command", ["explain", "sweep --dry-run --yes", "tune --error 1e-3"])
