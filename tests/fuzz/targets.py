@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from copy import deepcopy
 from functools import cache
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from runner import config, meshfile, yamltext
+from runner import config, meshfile, starts, yamltext
 from runner.document import Document, read_values
 from runner.errors import Fault, InputError
 from sim.expression import evaluate
@@ -19,7 +20,7 @@ from sim.model import Invalid
 from sim.shapes import Triangles
 
 X, Z = np.meshgrid(np.linspace(-1, 1, 3), np.linspace(-2, 2, 3))
-MOST_EXPANDED = 200  # runs; more would be no other code
+MOST_EXPANDED, MOST_CELLS = 200, 1000  # runs, and cells of a surface; more would be no other code
 BASE = """\
 scene:
   surfaces: {floor: {shape: plane}, hills: {shape: heightfield, size: [1, 1], cells: [2, 2], height: "0.1*x"}}
@@ -129,10 +130,15 @@ TARGETS = {each.__name__: each for each in (expression, document, settings, matr
 
 
 def expand(experiment: config.Experiment) -> None:
+    """What is done with an experiment before anything runs: its runs, and whether balls start inside a surface."""
     name = experiment.name
     assert Path(name).name == name and name not in (".", "..")
-    if experiment.matrix.size <= MOST_EXPANDED:
-        assert all(run.run_id.isprintable() and "/" not in run.run_id for run in experiment.runs())
+    runs = experiment.runs() if experiment.matrix.size <= MOST_EXPANDED else [experiment.base]
+    assert all(run.run_id.isprintable() and "/" not in run.run_id for run in runs)
+    surfaces = experiment.base.setup.scene.surfaces.values()
+    if all(math.prod(getattr(surface, "cells", ())) <= MOST_CELLS for surface in surfaces):
+        if faults := starts.faults([experiment.base], experiment.document):
+            raise InputError(*faults)
 
 
 def assert_line(text: str) -> None:

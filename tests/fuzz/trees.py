@@ -13,7 +13,7 @@ Tree = Any
 LARGEST = 2000  # parts of a tree: more would be no other code
 
 ODD = [
-    None, True, False, 0, 1, -1, 2, 0.5, -0.0, 1e-320, 1e-9, 1e9, 1e300, -1e300, 1e308, sys.float_info.max, float("nan"), float("inf"),
+    None, True, False, 0, 1, -1, 2, 0.5, -0.0, 1e-320, 1e-9, 1e9, 1e12, -1e12, 1e-12, 1e300, -1e300, 1e308, sys.float_info.max, float("nan"), float("inf"),
     -float("inf"), 2**31, 2**53 + 1, 2**63, 2**64, -(2**63), 10**308, 10**400, "", " ", "0", "nan", "1e3", "~", "x", "z", "a" * 65,
     "a" * 300, "a" * 5000, ".", "..", "../x", "../../../../x", "/", "/dev/zero", "/dev/null", "/proc/self/mem", "~/x", "C:\\x", "x/../../y",
     "mesh.obj", "link.obj", "pipe.obj", "folder.obj", "there/mesh.obj", "mesh.obj/x", "a\0b", "a\nb", "a\u2028b", "\u202ea", "\x1b[31m",
