@@ -24,7 +24,8 @@ Tree = dict[str, Any]
 def triangles_of(tree: Tree, size: int) -> Tree:
     """The description of a file of `size` bytes with only what makes triangles.
 
-    Raises ValueError where it names other files, tells of more than there is, or parts recur; KeyError and the like where it is none.
+    Raises ValueError where it names other files, tells of more than there is, or parts recur; KeyError and the like where it
+    is none.
     """
     for part in (*tree.get("buffers", []), *tree.get("images", [])):
         if not part.get("uri", "data:").startswith("data:"):
@@ -59,7 +60,8 @@ def triangles_of(tree: Tree, size: int) -> Tree:
         "nodes": nodes,
         "meshes": [{"primitives": mesh} for mesh in meshes],
         "accessors": [
-            _only(each, "bufferView", "byteOffset", "componentType", "count", "type") if index in places | corners else UNUSED_NUMBERS
+            _only(each, "bufferView", "byteOffset", "componentType", "count", "type")
+            if index in places | corners else UNUSED_NUMBERS
             for index, each in enumerate(accessors)
         ],
         "bufferViews": [
@@ -83,7 +85,7 @@ def _named(mesh: list[Tree]) -> Iterable[int]:
 
 
 def _check_numbers(accessors: list[Tree], kind: str, views: list[Tree], size: int) -> None:
-    """Raises ValueError for accessors that are not of that kind, tell of more than there is, or hold their numbers in other ways."""
+    """Raises ValueError for accessors that are of another kind, tell of more than there is, or hold their numbers otherwise."""
     total = 0
     for each in accessors:
         if not isinstance(each["count"], int) or not 0 <= each["count"] <= size:

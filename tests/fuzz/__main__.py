@@ -82,9 +82,8 @@ def main() -> None:
                 return mutation.mutated(random, options.target, data)[:most]
 
             arguments = [sys.argv[0], f"-max_total_time={options.seconds:.0f}", f"-seed={options.seed + 1}", "-rss_limit_mb=2000"]
-            atheris.Setup(
-                [*arguments, f"-max_len={mutation.LONGEST}", "-print_final_stats=1", "-verbosity=1", str(learnt)], tried, custom_mutator=changed
-            )
+            arguments += [f"-max_len={mutation.LONGEST}", "-print_final_stats=1", "-verbosity=1", str(learnt)]
+            atheris.Setup(arguments, tried, custom_mutator=changed)
             atheris.Fuzz()
             return
         random = Random(options.seed)

@@ -28,10 +28,12 @@ WORDS = [
     b"element edge 2\n", b"vertex1 ", b"big_endian", b"\\\n", b"\r", b"\x0c", "\u2003".encode(), b"#", b"count: 1000000000000",
     b"cells: [4096, 4096]", b"name: ../x", b"+x*2+(", b"**x",
 ]  # fmt: skip
-NUMBERS = [b"0", b"-1", b"1", b"2", b"255", b"65536", b"1000000000", b"4294967295", b"9223372036854775807", b"-9223372036854775808",
-           b"1e9", b"0.5", b"nan", b"inf", b"1e308", b"-1e-320", b"1_0"]  # fmt: skip
+NUMBERS = [
+    b"0", b"-1", b"1", b"2", b"255", b"65536", b"1000000000", b"4294967295", b"9223372036854775807", b"-9223372036854775808",
+    b"1e9", b"0.5", b"nan", b"inf", b"1e308", b"-1e-320", b"1_0",
+]  # fmt: skip
 BINARY = [struct.pack(form, value) for form, value in (
-    ("<I", 0), ("<I", 1), ("<I", 2**31), ("<I", 2**32 - 1), (">I", 1), ("<H", 2**16 - 1), ("<f", float("nan")), ("<f", float("inf")),
+    ("<I", 0), ("<I", 2**31), ("<I", 2**32 - 1), (">I", 1), ("<H", 2**16 - 1), ("<f", float("nan")), ("<f", float("inf")),
     ("<f", 3e38), ("<d", 1e308), ("<q", 2**62), ("<q", -1),
 )]  # fmt: skip
 TREES = {"settings", "matrix"}  # whose inputs are JSON, which is read in a thousandth of the time

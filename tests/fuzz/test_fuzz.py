@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from tests.fuzz import mutation, targets
 from tests.fuzz.watch import Watched
 
-INPUTS = {"expression": 3000, "document": 80, "settings": 300, "matrix": 300, "option": 200, "mesh": 200}  # a second each
+# a second each
+INPUTS = {"expression": 3000, "document": 80, "settings": 300, "matrix": 300, "option": 200, "mesh": 200}
 
 words = st.sampled_from(["x", "z", "pi", "1", "1e308", ".5", "0", "sin", "min", "(", ")", ",", "+", "-", "*", "/", "**", " ", "y", "."])
 brief = settings(derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck))

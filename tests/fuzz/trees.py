@@ -13,14 +13,15 @@ Tree = Any
 LARGEST = 2000  # parts of a tree: more would be no other code
 
 ODD = [
-    None, True, False, 0, 1, -1, 2, 0.5, -0.0, 1e-320, 1e-9, 1e9, 1e12, -1e12, 1e-12, 1e300, -1e300, 1e308, sys.float_info.max, float("nan"), float("inf"),
-    -float("inf"), 2**31, 2**53 + 1, 2**63, 2**64, -(2**63), 10**308, 10**400, "", " ", "0", "nan", "1e3", "~", "x", "z", "a" * 65,
-    "a" * 300, "a" * 5000, ".", "..", "../x", "../../../../x", "/", "/dev/zero", "/dev/null", "/proc/self/mem", "~/x", "C:\\x", "x/../../y",
-    "mesh.obj", "link.obj", "pipe.obj", "folder.obj", "there/mesh.obj", "mesh.obj/x", "a\0b", "a\nb", "a\u2028b", "\u202ea", "\x1b[31m",
-    "\u00e9", "\U0001f3b1", "\ufeff", "\u00b2", "\ud800", "<script>", "{{7*7}}", "%s", "{0}", "$(id)", "`id`", "0x10", "2020-01-01", "=",
-    "<<", "9**9**9", "x**x**x", "1/0", "1/x", "x if x else z", "__import__('os')", "(" * 90, "min(x, z)", "sqrt(-1)", "scene.damping",
-    "balls.mass", "balls.released.0.position.1", "solver", "matrix", "scene.surfaces.floor", "solver.method", "", [], {}, [[]], [{}],
-    {"": 1}, {"shape": "plane"}, {"shape": "mesh", "file": "mesh.obj"}, {"type": "drag", "coefficient": 1}, [0, 0, 0], [0, 1],
+    None, True, False, 0, 1, -1, 2, 0.5, -0.0, 1e-320, 1e-9, 1e9, 1e12, -1e12, 1e-12, 1e300, -1e300, 1e308, sys.float_info.max,
+    float("nan"), float("inf"), -float("inf"), 2**31, 2**53 + 1, 2**63, 2**64, -(2**63), 10**308, 10**400, "", " ", "0", "nan",
+    "1e3", "~", "x", "z", "a" * 65, "a" * 300, "a" * 5000, ".", "..", "../x", "../../../../x", "/", "/dev/zero", "/dev/null",
+    "/proc/self/mem", "~/x", "C:\\x", "x/../../y", "mesh.obj", "link.obj", "pipe.obj", "folder.obj", "there/mesh.obj",
+    "mesh.obj/x", "a\0b", "a\nb", "a\u2028b", "\u202ea", "\x1b[31m", "\u00e9", "\U0001f3b1", "\ufeff", "\u00b2", "\ud800",
+    "<script>", "{{7*7}}", "%s", "{0}", "$(id)", "`id`", "0x10", "2020-01-01", "=", "<<", "9**9**9", "x**x**x", "1/0", "1/x",
+    "x if x else z", "__import__('os')", "(" * 90, "min(x, z)", "sqrt(-1)", "scene.damping", "balls.mass",
+    "balls.released.0.position.1", "solver", "matrix", "scene.surfaces.floor", "solver.method", "", [], {}, [[]], [{}], {"": 1},
+    {"shape": "plane"}, {"shape": "mesh", "file": "mesh.obj"}, {"type": "drag", "coefficient": 1}, [0, 0, 0], [0, 1],
     [1e308, 1e308, 1e308], ["rk4", "exact"], [1, 2], "exact", "original", "swept",
 ]  # fmt: skip
 
@@ -89,7 +90,9 @@ def near(random: Random, value: Tree) -> Tree:
         odd = random.choice([each for each in ODD if isinstance(each, str)])
         return value[:cut] + odd + value[cut + random.randint(0, 3) :]
     if isinstance(value, (int, float)):
-        return random.choice([-value, value + 1, value - 1, value * 10, value / 1e3, float(value), value * 1e300, str(value)]) if abs(value) < 1e300 else 1
+        if not abs(value) < 1e300:
+            return 1
+        return random.choice([-value, value + 1, value - 1, value * 10, value / 1e3, float(value), value * 1e300, str(value)])
     if isinstance(value, list):
         return random.choice([value[::-1], value[1:], value * 2, value + [None]])
     return [value]
@@ -100,7 +103,7 @@ def yaml(random: Random, tree: Tree) -> str:
     anchors: list[str] = []
 
     def oddity() -> str:
-        return random.choice(["", "!!str ", "!x ", "!!python/object:os.system ", "!!binary ", "!!set ", "? ", "*a ", "&b &c ", "| ", ">- "])
+        return random.choice(["!!str ", "!x ", "!!python/object:os.system ", "!!binary ", "? ", "*a ", "&b &c ", "| ", ">- "])
 
     def flow(value: Tree) -> str:
         if anchors and random.random() < 0.01:
@@ -125,7 +128,7 @@ def yaml(random: Random, tree: Tree) -> str:
             return {"inf": ".inf", "-inf": "-.inf"}.get(str(value), ".nan")
         if isinstance(value, (bool, type(None))):
             return json.dumps(value)
-        return random.choice(["{}", "{}", "{}", "0{}", "+{}", "{}_0", "{}:30"]).format(value) if random.random() < 0.02 else str(value)
+        return random.choice(["0{}", "+{}", "{}_0", "{}:30"]).format(value) if random.random() < 0.01 else str(value)
 
     def block(value: Tree, depth: int) -> str:
         if depth < 3 and value and isinstance(value, dict) and random.random() < 0.9:

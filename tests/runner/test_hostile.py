@@ -72,11 +72,13 @@ FILES = {
     "cells": (field([4096, 4096], "x"), "4:47: scene.surfaces.floor.cells: ", "make 33,554,432 triangles"),
     "a tower of powers": (field([2, 2], "9**9**9**9"), "4:62: scene.surfaces.floor.height: ", "not finite"),
     "powers at millions of points": (
-        field([4096, 1220], "x**z" + "**x**z" * 160), "4:68: scene.surfaces.floor.height: ", "takes more than 50,000,000 operations at 5,002,437"
+        field([4096, 1220], "x**z" + "**x**z" * 160), "4:68: scene.surfaces.floor.height: ",
+        "takes more than 50,000,000 operations at 5,002,437 points",
     ),
-    "a place too far": (FALL.replace("[0, 1, 0]", "[0, 1.0e+300, 0]"), "7:29: balls.released.0.position.1: ", "must be <= 1e+12, not 1e+300"),
+    "a place too far": (FALL.replace("[0, 1, 0]", "[0, 1e300, 0]"), "7:29: balls.released.0.position.1: ", "must be <= 1e+12"),
     "a size too large": (
-        FALL.replace("plane", "box, center: [0, 0, 0], size: [1, 1.0e+154, 1]"), "4:54: scene.surfaces.floor.size.1: ", "must be <= 1e+12",
+        FALL.replace("plane", "box, center: [0, 0, 0], size: [1, 1e154, 1]"), "4:54: scene.surfaces.floor.size.1: ",
+        "must be <= 1e+12",
     ),
     "heights too far": (field([2, 2], "1e13*x"), "4:62: scene.surfaces.floor.height: ", "not within 1e+12 m"),
     "a name of a file": (FALL.replace("shape: plane", f"shape: mesh, file: {'a/' * 2000}x.obj"), "4:26: scene.", "..."),
@@ -144,7 +146,7 @@ def zipped(name, content) -> bytes:
 
 #: what: (ending, content, words)
 MESHES = {
-    "solids in a line of stl": ("stl", b"solid a\n" + b"vertex 0 0 0 endsolid solid\n" * 20_000 + b"endsolid\n", "a vertex is more than its numbers"),
+    "solids in a line of stl": ("stl", b"solid a\n" + b"vertex 0 0 0 endsolid solid\n" * 20_000 + b"endsolid\n", "a vertex is more"),
     "triangles in stl": ("stl", bytes(80) + struct.pack("<I", 10**9) + bytes(500), "tells of 1,000,000,000 triangles"),
     "vertices in binary ply": ("ply", PLY % (b"binary_little_endian", 10**9, b""), "tells of 1,000,000,000 elements"),
     "vertices in ply": ("ply", PLY % (b"ascii", 10**9, b""), "tells of 1,000,000,000 elements"),
@@ -155,21 +157,21 @@ MESHES = {
     "vertices in off": ("off", b"OFF\n1000000000 1000000000 0\n0 0 0\n", "tells of 2,000,000,000 vertices and faces"),
     "numbers in gltf": ("gltf", gltf(**zeros(10**9)), "tells of 1,000,000,000 numbers"),
     "nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1]} for n in range(5000)]), "more than 1000 nodes"),
-    "a chain of nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1]} for n in range(60)] + [{}]), "nested too deeply"),
+    "a chain of nodes in gltf": ("gltf", gltf(nodes=[{"children": [n + 1]} for n in range(60)] + [{"mesh": 0}]), "nested too deeply"),
     "a ring of nodes in gltf": ("gltf", gltf(nodes=[{"mesh": 0, "children": [1]}, {"children": [0]}]), "nested too deeply"),
-    "primitives in gltf": ("gltf", gltf(meshes=gltf()["meshes"] + [{"primitives": gltf()["meshes"][0]["primitives"] * 20_000}]), "more than 1000"),
+    "primitives in gltf": ("gltf", gltf(meshes=[{"primitives": gltf()["meshes"][0]["primitives"] * 20_000}]), "more than 1000"),
     "numbers that overlap in glb": (
         "glb", glb(bytes(10_000_000), **strided(9_000_000, byteLength=9_500_000, byteStride=1)), "numbers that it does not hold",
     ),
     "numbers beyond a view in glb": ("glb", glb(bytes(1000), **strided(3, byteStride=20)), "numbers that it does not hold"),
     "nodes that repeat in glb": (
-        "glb", glb(bytes(3_600_048), nodes=[{"mesh": 0, "children": [*range(1, 100)]}] + [{"mesh": 0}] * 99, **strided(300_000, byteLength=3_600_000)),
+        "glb", glb(bytes(3_600_048), nodes=[{"children": [*range(1, 100)]}] + [{"mesh": 0}] * 99, **strided(300_000, byteLength=3_600_000)),
         "repeat too many",
     ),
     "compressed in gltf": (
-        "gltf", gltf(accessors=[{key: each[key] for key in each if key != "bufferView"} for each in gltf()["accessors"]]), "compressed, or not at all",
+        "gltf", gltf(accessors=2 * zeros(3)["accessors"]), "compressed, or not at all",
     ),
-    "sparse in gltf": ("gltf", gltf(accessors=[each | {"sparse": {}} for each in gltf()["accessors"]]), "compressed, or not at all"),
+    "sparse in gltf": ("gltf", gltf(accessors=[each | {"sparse": {}} for each in gltf()["accessors"]]), "compressed, or not"),
     "fans in gltf": ("gltf", gltf(meshes=[{"primitives": [{"mode": 6, "attributes": {"POSITION": 0}}]}]), "fans"),
     "nodes in nodes": ("gltf", gltf(nodes=[{"mesh": 0, "children": [n + 1, n + 1]} for n in range(40)]), "no trees"),
     "a device in gltf": ("gltf", gltf(buffers=[{"byteLength": 48, "uri": "/dev/zero"}]), "points to another file, '/dev/zero'"),
@@ -209,7 +211,8 @@ def test_what_is_as_large_or_small_as_may_be_is_looked_at_in_silence(here, carom
         shapes = [
             "mesh, file: m.obj", f"plane, point: [{size}, 0, {size}], normal: [{size}, 0, -{size}]",
             f"rectangle, center: [0, 0, 0], normal: [0, 1, {size}], size: [1, {size}], up: [1, 0, 0]",
-            f"box, center: [{size}, 0, 0], size: [{size}, 1, {size}]", f"box, center: [0, 0, {size}], size: [{size}, {size}, 1], inside: true",
+            f"box, center: [{size}, 0, 0], size: [{size}, 1, {size}]",
+            f"box, center: [0, 0, {size}], size: [{size}, {size}, 1], inside: true",
             f"heightfield, size: [{size}, 1], cells: [3, 2], height: '{size}*x*z/({size}+1)'",
         ]  # fmt: skip
         for shape, radius in zip(shapes * 2, ["1.0e-320"] * 6 + ["1.0e+12"] * 6):

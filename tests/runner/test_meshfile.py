@@ -109,7 +109,8 @@ def test_gltf_is_read_without_what_makes_no_triangles(tmp_path):
     rich["bufferViews"].append({"buffer": 0, "byteLength": 36, "extensions": {"X": {}}})
     rich |= {"cameras": [{}], "materials": [{}], "extras": {"a": 1}, "animations": [{}]}
     top, child = rich["nodes"]
-    rich["nodes"] = [{"camera": 0, "children": [1], "name": "world"}, top | {"children": [2]}, {"mesh": 1, "children": [3]}, child | {"extras": 1}]
+    camera, lines = {"camera": 0, "children": [1], "name": "world"}, {"mesh": 1, "children": [3]}
+    rich["nodes"] = [camera, top | {"children": [2]}, lines, child | {"extras": 1}]
     for name, tree in {"plain": described(), "rich": rich}.items():
         (tmp_path / f"{name}.gltf").write_text(json.dumps(tree))
         triangles = read(tmp_path / f"{name}.gltf")
