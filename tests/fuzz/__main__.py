@@ -36,6 +36,8 @@ def main() -> None:
         import atheris
 
         with atheris.instrument_imports(include=["runner", "sim", "ruamel", "trimesh.exchange"]):
+            import trimesh  # noqa: F401 - else meshfile imports it later, without its coverage
+
             from tests.fuzz import targets
     else:
         from tests.fuzz import targets
