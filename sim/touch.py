@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.prefetch import prefetch
-from sim.curves.majorant import MOST, polish, stride
+from sim.curves.majorant import MOST, PATIENCE, polish, stride
 
 # bound to the curve's own before they are compiled
 from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
@@ -29,7 +29,6 @@ SLACK = 1e-6  # share of the radius by which more is looked at than can be touch
 FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
 LEVEL = 1e-12  # of the speed: a velocity toward an edge that is rounding
 NEXT = 1e-6  # radii: of a ball that slides around a corner, how near to one place on it the nearest of two edges are
-PATIENCE = 100  # steps of a search, that to a double zero takes; one that goes on may be along a surface
 TIE = 1e-12  # of the time: an edge touched before a face by no more than this is taken for touched with it
 
 

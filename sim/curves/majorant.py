@@ -14,6 +14,7 @@ from sim.vector import scale, sub
 
 EPS = np.finfo(float).eps
 MOST = 10_000  # steps of a search; some ten is usual, a double zero takes a hundred
+PATIENCE = 100  # steps after which it may be from a triple zero, or along a surface, and other bounds are tried
 
 
 def stride(g, dg, m, noise):
@@ -34,22 +35,32 @@ def polish(t, g, dg, m, noise):
 
 def fall(line, s, end, below):
     """The `fall` of curves without a formula for it: search for the rise where the function is below zero, then for the fall."""
-    for _ in range(MOST):
-        f, df, ddf, noise = value(line, s)
-        down, up = dip(line, df, ddf, s, end)
-        if below:
-            f, df, m = -f, -df, up
-        else:
-            m = down
+    for k in range(MOST):
+        g, dg, ddg, noise = value(line, s)
+        down, up = dip(line, dg, ddg, s, end)
+        f, df, m = (-g, -dg, up) if below else (g, dg, down)
         if f <= noise and df < 0.0:
             if not below:
                 return polish(s, f, df, m, noise)
             below = False
             continue
-        s += max(stride(f, df, m, noise), EPS * end)  # from a double zero on, there is no noise to step over
+        step = max(stride(f, df, m, noise), EPS * end)  # from a double zero on, there is no noise to step over
+        if k >= PATIENCE:  # from a triple one it would hardly get away
+            step = max(step, nearer(line, g, dg, ddg, noise, below, s, end))
+        s += step
         if not s <= end:
             return np.inf
     return s
+
+
+def nearer(line, g, dg, ddg, noise, below, s, end):
+    """The longest step by bounds of the second derivative that hold over a half of what is left, over a quarter, and so on."""
+    longest, reach = 0.0, 0.5 * (end - s)
+    while reach > max(longest, EPS * end):
+        down, up = dip(line, dg, ddg, s, s + reach)
+        step = stride(-g, -dg, up, noise) if below else stride(g, dg, down, noise)
+        longest, reach = max(longest, min(step, reach)), 0.5 * reach
+    return longest
 
 
 def chord(curve, s, end, off):
