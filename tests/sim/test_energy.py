@@ -68,6 +68,15 @@ def test_drag_takes_what_the_closed_form_says():
     assert np.array_equal(flight.energy.potential, np.zeros(11)) and np.array_equal(flight.energy.lost, np.zeros(11))
 
 
+@pytest.mark.parametrize("stiffness", [0.0, 3.0, 1e3])
+@pytest.mark.parametrize("rate", [1.0, 39.0, 41.0, 1e3, 1e10])
+def test_the_exact_solver_knows_the_work_of_drag_however_strong(rate, stiffness):
+    """A second is 1e10 time constants of the strongest: pieces of one each would take hours."""
+    scene = Scene(forces={"air": Drag(rate), "well": Spring(stiffness)})
+    energy = swept(scene, random_balls(3, 5, speed=4.0), every=0.1).energy
+    assert np.abs(energy.residual).max() <= ROUNDING * turnover(energy)
+
+
 @pytest.mark.parametrize("limit", [{"until": 99.0}, {"region": {"x": (-1e9, 1e9)}}])
 def test_a_spring_with_limits_counts_as_work(limit):
     """It has no potential that holds always; the same spring without limits does, and moves the ball alike."""
