@@ -15,7 +15,7 @@ from sim.release import Emitter, Listed, Scatter, Start
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.simulate import METHODS, Scene, Simulation, Solver
 
-SECONDS = 300  # after which a run that does not even ask whether to stop ends the tests, telling where it is
+SECONDS = 300  # after which a run that does not even ask whether to stop ends the tests; `pytest -s` shows where it is
 MOST_ASKED = 2000  # times that a run may ask whether to stop; those here ask a few times
 MOST_STEPS = 1_000_000  # of an adaptive method, which takes as many as its stability wants: a longer run ends by --timeout
 
@@ -88,6 +88,7 @@ def ends_well(found, method, contact, step=0.01):
         simulation = Simulation(scene, balls, Solver(method, step=step, tolerance=1e-6, contact=contact), 0.5, 0.05)
     except Invalid:  # a ball starts inside a surface
         assume(False)
+    simulation.warm()  # compiling takes as long on a busy machine
     faulthandler.dump_traceback_later(SECONDS, exit=True)
     try:
         flight = simulation.run(stop)
