@@ -82,6 +82,7 @@ def ends_well(found, method, contact, step=0.01):
     def stop():
         nonlocal asked
         asked += 1
+        faulthandler.dump_traceback_later(SECONDS, exit=True)
         return asked > (10 if endless else MOST_ASKED)
 
     try:
