@@ -15,6 +15,7 @@ from sim.vector import scale, sub
 EPS = np.finfo(float).eps
 MOST = 10_000  # steps of a search; some ten is usual, a double zero takes a hundred
 PATIENCE = 100  # steps after which it may be from a triple zero, or along a surface, and other bounds are tried
+LEAST = 1e-4  # of a curve, the shortest chord; most are a hundredth and more
 
 
 def stride(g, dg, m, noise):
@@ -65,10 +66,11 @@ def nearer(line, g, dg, ddg, noise, below, s, end):
 
 def chord(curve, s, end, off):
     """The `piece` of curves in general: a chord that the curve leaves by no more than `off` (m), since that is at most
-    max |x''| length^2 / 8."""
+    max |x''| length^2 / 8; by more, where it would have no LEAST part of the curve: a step that diverges bends without a bound."""
     length = end - s
+    least = LEAST * length
     sagitta = 0.125 * bend(curve, s, end) * length * length
-    while sagitta > off:
+    while sagitta > off and length > least:
         length *= max(0.1, 0.99 * np.sqrt(off / sagitta))
         sagitta = 0.125 * bend(curve, s, s + length) * length * length
     x = point(curve, s)

@@ -315,3 +315,10 @@ def test_a_start_outside_of_a_room_is_refused():
     room = {"room": Box(center=(0, 0, 0), size=(2, 2, 2), inside=True)}
     with pytest.raises(Invalid, match="inside the surface 'room'"):
         swept(Scene(surfaces=room), balls((1.5, 0, 0), FREE))
+
+
+def test_a_step_that_diverges_beside_many_faces_ends():
+    """In one step of 10 ms the ball gets 1e12 m far: chords that leave it by no more than its radius are 1e11."""
+    hills = Heightfield(size=(1e4, 1e4), cells=(4, 3), height="0.3*sin(2*x)*cos(2*z)")
+    start = balls((1.0, -1.4, 1e6), (4e-5, 0, 0))
+    assert swept(Scene(surfaces={"hills": hills}, forces={"air": Drag(2e8)}), start, "rk4_original").status == "diverged"
