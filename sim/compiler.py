@@ -42,6 +42,13 @@ class MeltedCode(JITCodeLibrary):
 
     codegen = SimpleNamespace(set_env=lambda *_: None)  # which numba would do in the machine code
 
+    def _optimize_functions(self, module):
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:  # for each of which numba would set up all passes
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
     def _optimize_final_module(self):
         pass
 
@@ -51,6 +58,9 @@ class MeltedCode(JITCodeLibrary):
 
 class CodeApart(JITCodeLibrary):
     """Machine code, of which there is nothing to link."""
+
+    def _optimize_functions(self, module):
+        module.data_layout = self._codegen._data_layout  # it is optimised with what it calls
 
     def finalize(self):
         super().finalize()
