@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+STEPS = "steps"  # what kernels of the original's contact rule have in common
 SHOWN = 90  # s that a network's file system may take to show what was made elsewhere
 
 
@@ -172,7 +173,8 @@ def _see(work: Plan) -> None:
 
 def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
     """A task for each kernel that the runs, and their references, need: first those that have little in common, so that workers
-    do not compile the same at the same time."""
+    do not compile the same at the same time. The original's is first of all: what the others have in common, another worker has
+    compiled by when it is done."""
     kernels, alike = {}, Counter()
     for run, task in zip(runs, tasks):
         kernels.setdefault(kernel_key(run), task)
@@ -180,11 +182,11 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
             exact = reference.twin(run)
             kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
 
-    def like_it_before(key: tuple) -> int:
+    def rank(key: tuple) -> tuple:
         alike[key[0]] += 1
-        return alike[key[0]]
+        return alike[key[0]], key[0] != STEPS
 
-    return [kernels[key] for key in sorted(kernels, key=like_it_before)]
+    return [kernels[key] for key in sorted(kernels, key=rank)]
 
 
 def _name(kernel: Task) -> str:
@@ -200,7 +202,7 @@ def kernel_key(run: Run) -> tuple:
     fields = [field.build(run.folder) for field in setup.scene.forces.values()]
     packed, method = forces.pack(fields, setup.scene.gravity, setup.balls.mass), setup.solver.method
     if setup.solver.contact == "original":
-        return "steps", method, len(packed.selective)
+        return STEPS, method, len(packed.selective)
     return engines.curve_of(method, packed), method, *engines.bindings(method, packed).values()
 
 

@@ -139,7 +139,8 @@ def test_runs_with_the_same_key_share_a_kernel_and_no_others(here):
         setup = each.setup
         scene, solver = setup.scene.build(each.folder), setup.solver.build(each.folder)
         balls = setup.balls.build(setup.duration, each.folder)
-        kernel = Simulation(scene, balls, solver, setup.duration, setup.record.every).engine.kernel
+        # the methods' own functions are besides the kernel
+        kernel = Simulation(scene, balls, solver, setup.duration, setup.record.every).engine.kernel, solver.method
         keys.setdefault(sweeping.kernel_key(each), set()).add(kernel)
         kernels.setdefault(kernel, set()).add(sweeping.kernel_key(each))
     assert all(len(each) == 1 for each in (*keys.values(), *kernels.values()))
@@ -152,6 +153,7 @@ def test_kernels_with_little_in_common_are_compiled_first():
     curves = [sweeping.kernel_key(run)[0] for run in sweeping._kernels(runs, runs)]
     kinds = len(set(curves))
     assert len(curves) == len(runs) > kinds == len(set(curves[:kinds]))
+    assert curves[0] == sweeping.STEPS
 
 
 def test_the_references_kernel_is_compiled_beforehand(here, inline, monkeypatch):

@@ -116,6 +116,37 @@ def test_code_from_disk_finds_what_it_calls_even_where_that_was_lost(tmp_path, c
     assert python(APART, copied, XDG_CACHE_HOME=str(cache)).split() == ["7.0", "1"]
 
 
+HANDED = """
+from sim import jit, probe
+kernel = jit.bind(probe.outer)
+handed = [jit.typed(probe.Handed(jit.entry(each, (0.0,)))) for each in (probe.turn, probe.take)]
+print(*(kernel(each, 2.0) for each in handed), len(kernel.signatures), sum(kernel.stats.cache_hits.values()))
+"""
+PROBE = """
+from collections.abc import Callable
+from typing import NamedTuple
+
+class Handed(NamedTuple):
+    function: Callable
+
+def turn(x):
+    return 3.0 * x
+
+def take(x):
+    return 5.0 * x
+
+def outer(handed, x):
+    return handed.function(x) + 1.0
+"""
+
+
+def test_a_kernel_calls_what_it_is_handed(tmp_path, copied):
+    """Compiled once, for all functions of a signature; also where kernel and functions are from disk."""
+    (copied / "sim/probe.py").write_text(PROBE)
+    for hits in "01":
+        assert python(HANDED, copied, XDG_CACHE_HOME=str(tmp_path / "cache")).split() == ["7.0", "11.0", "1", hits]
+
+
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):
     (tmp_path / "file").write_text("")
     code = "from sim.jit import numba; print(numba().config.CACHE_DIR)"
