@@ -161,7 +161,7 @@ def steps(method: str) -> dict:
 
 @cache
 def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.Steps:
-    """A fixed-step method's own functions, for few balls or many; with `compiled` False in plain Python. `names` are bound first."""
+    """A fixed-step method's own functions, for few balls or many, `names` in them bound; with `compiled` False in plain Python."""
     own = steps(method) | of_module(f"curves.{integrators.load(method)[0].curve}", CURVE) | of_module("solvers.stepping", SOLVER)
     names = own | {"acceleration": motion.acceleration, "rates": motion.rates} | names
     still, lane = (0.0, 0.0, 0.0), coast.coast_room()
