@@ -190,9 +190,11 @@ class _Process(SpawnProcess):
     @staticmethod
     def _Popen(process):
         main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which it inherits: Ctrl-C is not for it from the start
         try:
             return SpawnProcess._Popen(process)
         finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             sys.modules["__main__"] = main
 
 
