@@ -166,9 +166,10 @@ def onward(tree, ray, reach, search, top, first):
         if waits[top] > reach:
             continue
         depth, group, bottom, last = stack[2 * top], stack[2 * top + 1], top, first
-        meet(tree.box, tree.level[depth] + group, ray, reach, stay)
+        if depth > 0 or ray.k == NONE:
+            meet(tree.box, tree.level[depth] + group, ray, reach, stay)
         if depth == 0:
-            sieve(tree.box, tree.plane, group, ray, stay)
+            sieve(tree.box, tree.plane, group, ray, reach, stay)
         for c in range(WIDE):
             near, far, child = stay[c], stay[WIDE + c], WIDE * group + c
             if near > far:
@@ -280,11 +281,15 @@ def meet(box, g, ray, reach, stay):
         near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
         near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
-        turns = (near < turn) & (turn < far)
-        least, most = min(a, b), max(a, b)
-        least, most = min(least, peak) if turns else least, max(most, peak) if turns else most
+        least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
         misses = (least > box[g, last + 3, c] + above) | (most < box[g, last, c] - above)
         stay[c], stay[WIDE + c] = near, NEVER if misses else far
+
+
+def extent_between(a, b, peak, turns):
+    """The least and the most of a quadratic between two times at which it is a and b, and `peak` in between if it `turns` there."""
+    least, most = min(a, b), max(a, b)
+    return min(least, peak) if turns else least, max(most, peak) if turns else most
 
 
 def within(low, high, x, inverse, beside, near, far):
@@ -294,28 +299,36 @@ def within(low, high, x, inverse, beside, near, far):
     return a if a > near else near, b if b < far else far
 
 
-def sieve(box, plane, g, ray, stay):
-    """Mark those items of the lowest group g as left before the ray comes of which it is plain that it does not touch them in the
-    time that it is at their boxes: by its height over their planes.
+def sieve(box, plane, g, ray, reach, stay):
+    """The same for the items of the lowest group g, without those of which it is plain that the ball does not touch them in the time
+    that it is at their boxes: by its height over their planes. What `meet` tells of a straight ray is taken over.
 
     That is a quadratic of time, which stays between the least and the most of its control points. A ball touches a face where
     it comes down on it, so not where it only rises. And since it touches along the plane's normal, but for a certain angle, it
     is so high over an edge as the cosine of that tells, and no farther beside any box than the normal points that way.
     """
     i, j, last = ray.axes
+    x, v, k = ray.x[2], ray.v[2], ray.k
+    straight = k == NONE
+    turn = NEVER if straight else -v / k
+    peak = x + HALF * v * turn
     for c in range(plane.shape[2]):
         n, m, u, offset, sine = plane[g, i, c], plane[g, j, c], plane[g, last, c], plane[g, 3, c], plane[g, 4, c]
         face = sine == FACE
         aside, beside = ray.radius * min(abs(n) + sine, ONE), ray.radius * min(abs(m) + sine, ONE)
-        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], aside + ray.slack, stay[c], stay[WIDE + c])
+        near, far = (stay[c], stay[WIDE + c]) if straight else (NONE, reach)
+        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
         near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
-        gone = near * EARLY > far * LATE
+        near, far = near * EARLY, far * LATE
+        a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
+        least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
+        aloft = ray.radius * min(abs(u) + sine, ONE) + ray.slack + ray.fuzz
+        gone = (near > far) | (least > box[g, last + 3, c] + aloft) | (most < box[g, last, c] - aloft)
         span = far - near
-        h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1])
-        h += u * (ray.x[2] + near * (ray.v[2] + HALF * near * ray.k)) - offset
-        rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (ray.v[2] + near * ray.k))
+        h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1]) + u * a - offset
+        rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (v + near * k))
         middle = h + rise
-        end = middle + rise + HALF * span * span * u * ray.k
+        end = middle + rise + HALF * span * span * u * k
         least, most = min(min(h, end), middle), max(max(h, end), middle)
         fuzz = ray.fuzz + SINGLE * abs(offset)
         above = least > ray.radius + ray.margin + fuzz
@@ -323,7 +336,7 @@ def sieve(box, plane, g, ray, stay):
         below = most < cosine * ray.radius - ray.margin - fuzz
         away = (h > fuzz) & (rise > ray.climb + fuzz) & (end > middle)
         back = (h < -fuzz) & (rise < -ray.climb - fuzz) & (end < middle)
-        stay[WIDE + c] = NEVER if gone | above | below | (face & (away | back)) else far
+        stay[c], stay[WIDE + c] = near, NEVER if gone | above | below | (face & (away | back)) else far
 
 
 def distance(tree, x, reach, search):
