@@ -18,8 +18,8 @@ from sim.inside import distances, sides
 from sim.sheet import Sheet, folds, merge, portions, sheet, straighten
 from sim.tree import FACE, Tree, build
 
-# With so few faces and edges, looking at every one is faster than walking a tree.
-FEW = 32
+# With so few faces, looking at every one is faster than walking a tree; each edge, which takes a search, counts for so many.
+FEW, EDGE_COUNTS = 32, 4
 
 LOOKS = 2**22  # segments of outlines, half a second's work
 
@@ -113,9 +113,9 @@ def _is_room(faces: Faces, starts: np.ndarray) -> bool:
 def _tree(faces: Faces, edges: Edges, low: np.ndarray, high: np.ndarray, everywhere: int) -> Tree:
     """The tree over boxes `low` to `high` (n, 3) m of faces, and of edges of which only the start is in them so far; none over
     few. The boxes are overwritten."""
-    if everywhere + len(low) <= FEW:
-        return build(low[:0], high[:0])
     n = len(low) - len(edges.start)
+    if everywhere + n + EDGE_COUNTS * len(edges.start) <= FEW:
+        return build(low[:0], high[:0])
     for k in range(3):
         end = edges.start[:, k] + edges.length * edges.along[:, k]
         low[n:, k], high[n:, k] = np.minimum(low[n:, k], end), np.maximum(high[n:, k], end)

@@ -120,7 +120,7 @@ def check_layout(found):
     if len(items):
         assert sorted(items[items >= 0]) == list(range(found.everywhere, n + m))
     else:
-        assert n + m <= reduction.FEW
+        assert n + reduction.EDGE_COUNTS * m <= reduction.FEW
 
 
 # (faces, edges, flat, inner, boundary, nonmanifold, corners, closed)
