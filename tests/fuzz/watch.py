@@ -13,6 +13,8 @@ from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from io import StringIO
 
+from runner.machine import peak_memory
+
 LONGEST = 2  # s of processor time that an input may take
 MOST_MEMORY = 500_000  # kB, with that of Python and its libraries, which is ...
 LIBRARIES = 200_000  # ... some 150 MB; among other tests there may be more before the first input
@@ -75,8 +77,8 @@ class Watched:
 
 
 def memory() -> int:
-    """The most that this process has had so far, in kB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    """The most that this process has had so far, in kB: getrusage would count what its parent had, too."""
+    return peak_memory() // 1024
 
 
 def _late(*_) -> None:
