@@ -68,7 +68,7 @@ def chord(curve, s, end, off):
     """The `piece` of curves in general: a chord that the curve leaves by no more than `off` (m), since that is at most
     max |x''| length^2 / 8; by more, where it would have no LEAST part of the curve: a step that diverges bends without a bound."""
     length = end - s
-    least = LEAST * length
+    least = LEAST * end
     sagitta = 0.125 * bend(curve, s, end) * length * length
     while sagitta > off and length > least:
         length *= max(0.1, 0.99 * np.sqrt(off / sagitta))

@@ -26,7 +26,8 @@ directions = vectors.filter(any)
 lengths = st.one_of(st.floats(0.05, 3), st.sampled_from([1e-6, 1.0, 1e4]))
 strengths = st.one_of(st.floats(0, 50), st.sampled_from([0.0, 1e-9, 1e5]))
 fractions = st.one_of(st.sampled_from([0.0, 1.0]), st.floats(0, 1))
-intervals = st.tuples(places, places).filter(lambda ends: ends[0] < ends[1])
+# one narrower than rounding may hold a ball for a million events, which is Stalled, after a minute each
+intervals = st.tuples(places, places).filter(lambda ends: ends[1] - ends[0] > 1e-9)
 
 shapes = st.one_of(
     st.builds(Plane, point=vectors, normal=directions),
