@@ -60,7 +60,7 @@ NOTES = [
     Note("balls", "symplectic_euler", 4096, "level: as the balls"),
     Note("balls", "exact", 262_144, "states, log and frames:\nfresh memory, out of the cache"),
     Note("faces", "exact", 524_288, "faces smaller than a ball,\nand out of the cache"),
-    Note("faces", "symplectic_euler", 8192, "beyond 32 faces a tree:\nwith their logarithm"),
+    Note("faces", "symplectic_euler", 8192, "many faces, a tree:\nwith their logarithm"),
     Note("faces", "geometry", 18, "many small steps,\nhowever few the faces"),
     Note("frames", "recording.rrd", 101, "a file's objects,\nhowever little is in them"),
     Note("frames", "recording.rrd", 10_001, "then its bytes"),
