@@ -151,6 +151,8 @@ def prefetch(typing, array, row):
         return context.get_dummy_value()
 
     return types.void(array, types.intp), lower
+
+
 class Entry:
     """A compiled function as kernels are handed it, and call it: by its address, whatever function it is. From Python it is the
     function itself."""
