@@ -1,4 +1,4 @@
-"""A bounding volume hierarchy: which of many boxes does a segment of a line pass through?
+"""A bounding volume hierarchy: which of many boxes does a path pass through, and how far is a place from all of them?
 
 The boxes are halved again and again, WIDE of them make a group, WIDE groups one on the level above, and so on to a single one; the
 boxes of a group are side by side, so that vector instructions test them at once (Wald et al. 2008,
@@ -122,8 +122,8 @@ class Search(NamedTuple):
     times: np.ndarray  # s, from when; later, when one is touched
     until: np.ndarray  # s
     stack: np.ndarray  # (2 DEEP,) level and number of the groups that wait to be looked at
-    waits: np.ndarray  # (DEEP,) float32 s, when the path comes to them
-    stay: np.ndarray  # (2 WIDE,) float32 s, when the path comes to each box of a group, and when it leaves them
+    waits: np.ndarray  # (DEEP,) float32 s, when the path comes to them; for `distance` m, how far they are
+    stay: np.ndarray  # (2 WIDE,) float32 s, when the path comes to each box of a group, and when it leaves them; or m
 
 
 def search_room(n: int) -> Search:

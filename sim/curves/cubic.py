@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.vector import across, axpy, dot, gap, norm, scale, sub
+from sim.vector import across, axpy, dot, gap, scale, sub
 
 EPS = np.finfo(float).eps
 SHORT = 1e-60  # s; over less a curve is straight, and powers of it have no inverse

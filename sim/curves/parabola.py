@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.majorant import chord
-from sim.vector import across, axpy, dot, gap, norm, scale, sub
+from sim.vector import across, axpy, dot, gap, scale, sub
 
 
 def flight(x, v, k, b, w2):

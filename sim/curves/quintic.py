@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.cubic import SHORT
-from sim.vector import across, axpy, dot, gap, norm, scale, sub
+from sim.vector import across, axpy, dot, gap, scale, sub
 
 EPS = np.finfo(float).eps
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Page
-from matplotlib.transforms import Bbox
 
 from runner import bench
 from runner.bench import apart, command, curves, kernels, layout, peers, scaling, startup, sweeps, threads

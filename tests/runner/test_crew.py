@@ -16,7 +16,7 @@ from sim import coast, engines, jit, travel
 from sim.release import Emitter
 from sim.shapes import Box, Heightfield, Plane
 from sim.simulate import Crew, Scene, Simulation, Solver
-from tests.sim.helpers import FREE, balls, random_balls
+from tests.sim.helpers import balls, random_balls
 
 ROOM = {"room": Box((0, 0, 0), (3.2, 3.2, 3.2), inside=True)}
 HILLS = {"hills": Heightfield((8, 8), (6, 6), "0.2*sin(2*x)*cos(z) - 1.7")}

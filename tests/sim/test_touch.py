@@ -370,7 +370,6 @@ def test_first_touch(kind, family):
 @pytest.mark.parametrize("kind", ["cubic", "quintic"])
 def test_a_flight_from_a_triple_zero(kind):
     """On the floor with neither a speed nor an acceleration off it, only the change of that: up, and down again later."""
-    rng = np.random.default_rng(7)
     back = {"cubic": [], "quintic": [(0.3, -0.1, -0.2), (0.1, -0.5, 0.4)]}[kind]
     for rise in (0.08, 1e-3, -0.1):
         curve = ((0.3, RADIUS, -0.5), (1.99, 0.0, -1.6), (-1.7, 0.0, 0.7), (-0.6, rise, 1.1), *back)
