@@ -17,6 +17,7 @@ from runner.disk import Disk
 
 READ_ONLY, REMOUNT = 1, 32  # of mount(2)
 TWELVE = f"duration: 40\nmatrix: {{balls.mass: {list(range(1, 13))}}}\n"  # of 238 kB each
+SLOW = "repeats: 2\n"  # a quarter of a second a run, so that there is a middle on a busy machine, too
 
 
 def attempt(*command) -> None:
@@ -123,13 +124,13 @@ def test_a_folder_that_is_closed_in_the_middle_is_told_in_a_line(here, carom, fa
     if os.getuid() == 0:
         attempt("chattr", "+i", here)
         attempt("chattr", "-i", here)
-    Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE))
+    Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE + SLOW))
     ends_in_the_middle(carom, closed(here / "outputs/x/runs"))
 
 
 def test_a_disk_that_becomes_read_only_in_the_middle_is_told_in_a_line(small, carom, fall):
     attempt("mount", "-o", "remount,size=20m", small)
-    Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE))
+    Path("x.yaml").write_text(fall.replace("duration: 0.2\n", TWELVE + SLOW))
     ends_in_the_middle(carom, read_only(small))
 
 
