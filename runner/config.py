@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, to_json
 
 import sim
 from runner import chart
@@ -163,17 +163,19 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
     parts, together = {}, Parts()
     try:
         for name, data in parameters.items():
-            text = json.dumps(data)
-            checked = _checked.__wrapped__ if '"file"' in text else _checked  # a file may be another the next time
+            text = to_json(data, inf_nan_mode="constants")
+            checked = _checked.__wrapped__ if b'"file"' in text else _checked  # a file may be another the next time
             parts[name], known = checked(name, text, folder)
             together.share(parts[name], known)
-        return Run(Setup.model_validate(parts, context={"folder": folder}), folder, parts=together)
-    except (ValidationError, KeyError):  # what is wrong is told from the whole
+        setup = Setup.model_construct(**{name: parts[name] for name in Setup.model_fields})  # each is checked
+        setup.fit(folder)
+        return Run(setup, folder, parts=together)
+    except (ValueError, KeyError):  # what is wrong is told from the whole
         return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
 
 
 @lru_cache(maxsize=256)  # the runs of a sweep combine a few parts
-def _checked(name: str, text: str, folder: Path) -> tuple[Any, Parts]:
+def _checked(name: str, text: bytes, folder: Path) -> tuple[Any, Parts]:
     """The part `name` of a setup, and it as JSON holds it. Raises ValidationError; KeyError when a setup has no such part."""
     whole = _only(name).model_validate_json(_json({name: json.loads(text)}), context={"folder": folder})
     return getattr(whole, name), Parts()
