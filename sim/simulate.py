@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -275,9 +275,16 @@ def events(rows: np.ndarray, kind: np.dtype, end: float) -> np.ndarray:
     if np.any(time[1:] == time[:-1]):  # rare, and slower by far
         order = mine[np.lexsort((rows[mine, log.BALL], rows[mine, log.TIME]))]
     rows = rows[order]
-    out, column = np.empty(len(rows), kind), 0
-    for name in kind.names:
-        width = int(np.prod(kind[name].shape, dtype=int))
-        out[name] = rows[:, column : column + width].reshape(len(rows), *kind[name].shape)
-        column += width
+    out = np.empty(len(rows), kind)
+    for name, columns in _columns(kind):
+        out[name] = rows[:, columns]
     return out
+
+
+@cache
+def _columns(kind: np.dtype) -> list[tuple[str, int | slice]]:
+    """Where each field of an event stands in the rows of a log."""
+    widths = [int(np.prod(kind[name].shape, dtype=int)) for name in kind.names]
+    starts = np.cumsum([0, *widths]).tolist()
+    places = zip(kind.names, starts, starts[1:])
+    return [(name, slice(start, end) if kind[name].shape else start) for name, start, end in places]

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 
@@ -56,6 +57,7 @@ def fixed() -> list[str]:
     return [name for name in names() if not load(name)[0].adaptive]
 
 
+@cache
 def load(name: str) -> tuple[Method, Callable, str]:
     """The claims, the step and the description of the method `name`."""
     module = import_module(f"{__name__}.{name}")
