@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from sys import intern
 from typing import TYPE_CHECKING, Any
 
 from runner import store
@@ -76,8 +75,7 @@ def build(reports: Iterable[dict[str, Any]], keys: list[str]) -> pyarrow.Table:
     for report in reports:
         told = {**report["figures"], **report.get("timings", {}), **{k: report[k] for k in ("run_id", "status", "error")}}
         rows.append([told.get(name) for name in COLUMNS])
-        # names are shared: a million runs have thirty million settings
-        settings.append({intern(name): value for name, value in leaves(report["parameters"], keys)})
+        settings.append(dict(leaves(report["parameters"], keys)))
     varied = keys + [key for key in differing(settings) if key not in keys]
     order = sorted(range(len(rows)), key=lambda number: [_rank(settings[number].get(key)) for key in varied])
     columns = {name: _typed(name, [rows[number][place] for number in order]) for place, name in enumerate(COLUMNS)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from functools import lru_cache
@@ -136,4 +137,4 @@ def figures(simulation: Simulation, flight: Flight, seconds: float) -> dict[str,
 def _plain(value: Any) -> Any:
     """A number as JSON can hold it; None for one that is not finite."""
     value = value.item() if isinstance(value, np.generic) else value
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -38,11 +39,12 @@ def pack_number(entry: Path) -> int:
 
 def entries(folder: Path) -> list[Path]:
     """All that has its final name among the runs: packs, the oldest first, then folders of single runs."""
+    runs = folder / RUNS
     try:
-        found = [folder / RUNS / entry.name for entry in os.scandir(folder / RUNS) if not entry.name.startswith(".")]
+        found = [runs / name for name in sorted(os.listdir(runs)) if not name.startswith(".")]
     except (FileNotFoundError, NotADirectoryError):
         return []
-    return sorted(found, key=lambda entry: (not pack_number(entry), pack_number(entry), entry.name))
+    return sorted(found, key=lambda entry: pack_number(entry) or math.inf)
 
 
 def places(folder: Path) -> dict[str, Path]:
@@ -153,7 +155,7 @@ def faults(entry: Path) -> Iterator[tuple[Path, str]]:
 
 def write_contents(made: Path, name: str, data: dict[str, Any]) -> None:
     """Put run.json or pack.json into a folder that is otherwise complete, with the checksums of all its files."""
-    files = {path.name: seal.checksum(path) for path in sorted(made.iterdir())}
+    files = {file: seal.checksum(made / file) for file in sorted(os.listdir(made))}
     (made / name).write_bytes(seal.seal(data | {"files": files}))
 
 

@@ -7,6 +7,7 @@ formats and files costs nothing.
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
@@ -17,6 +18,7 @@ def names() -> list[str]:
     return sorted(module.name for module in iter_modules(__path__))
 
 
+@cache
 def load(name: str) -> ModuleType:
     """The module of the format `name`; ModuleNotFoundError where there is none."""
     return import_module(f"{__name__}.{name}")
