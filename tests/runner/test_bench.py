@@ -111,23 +111,26 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_measured(here,
 def test_the_cost_of_a_run_is_free_of_what_a_sweep_costs_by_itself(monkeypatch):
     calls = []
     monkeypatch.setattr(sweeps, "apart", directly)
-    monkeypatch.setattr(sweeps, "writing", lambda *_: command.Spent(0.004, 0.003, 0))
+    monkeypatch.setattr(sweeps, "writing", lambda *_: (command.Spent(0.004, 0.003, 0), 0.0005))
     monkeypatch.setattr(sweeps, "carom", clocked(2.0, 0.006, calls))
     figures = {figure.what: figure.value for figure in sweeps.costs(print, 10, 1000)}
     assert figures["a run, 1 worker, wall clock"] == pytest.approx(6.0)
     assert figures["runs, 2 workers"] == pytest.approx(1000 / 3)
     assert figures["a run of a worker against its files bare, 2 workers, wall clock"] == pytest.approx(1.5)
     assert figures["a run against its files bare, 1 worker, CPU of all processes"] == pytest.approx(2.0)
+    assert figures["a run's simulation alone, in one process, CPU"] == pytest.approx(0.5)
     assert figures["efficiency of 2 workers"] == pytest.approx(1.0)
     assert figures["the parent's peak memory at 10,000 runs, reckoned from its growth"] == pytest.approx(110.0)
     assert {arguments[0] for arguments, _ in calls} == {"sweep"} and len(calls) == 4 * sweeps.REPEATS
 
 
-def test_writing_bare_writes_both_files(tmp_path):
-    spent = sweeps.writing(command.write_experiment(tmp_path / "one.yaml", 1), 2)
-    files = sorted(path.name for path in tmp_path.glob("written/*/*"))
-    assert files == ["recording.rrd"] * 7 + ["trajectory.h5"] * 7, "one to warm up, two in each of three repeats"
-    assert 0 < spent.wall < 10 and spent.cpu > 0
+def test_writing_bare_writes_both_files_of_each_run(tmp_path):
+    file = command.write_experiment(tmp_path / "10.yaml", 10)
+    spent, simulating = sweeps.writing(file)
+    written = sorted(path.relative_to(tmp_path).parts[1:] for path in tmp_path.glob("written-*/*/*"))
+    each = [(run.run_id, name) for run in sweeps.load(file).runs() for name in ("recording.rrd", "trajectory.h5")]
+    assert written == sorted(each * (1 + sweeps.REPEATS))
+    assert 0 < spent.wall < 10 and spent.cpu > 0 and 0 < simulating < 10
 
 
 @pytest.mark.parametrize("runs", [1, 10, 100])
