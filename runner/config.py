@@ -159,7 +159,10 @@ def check(document: Document) -> Experiment:
 
 
 def resolve(parameters: dict[str, Any], folder: Path) -> Run:
-    """The run of resolved `parameters`, as `Run.parameters` gave them."""
+    """The run of resolved `parameters`, as `Run.parameters` gave them; whether its parts go together a simulation of it tells.
+
+    Raises ValueError for what is no run.
+    """
     parts, together = {}, Parts()
     try:
         for name, data in parameters.items():
@@ -168,7 +171,6 @@ def resolve(parameters: dict[str, Any], folder: Path) -> Run:
             parts[name], known = checked(name, text, folder)
             together.share(parts[name], known)
         setup = Setup.model_construct(**{name: parts[name] for name in Setup.model_fields})  # each is checked
-        setup.fit(folder)
         return Run(setup, folder, parts=together)
     except (ValueError, KeyError):  # what is wrong is told from the whole
         return Run(Setup.model_validate_json(_json(parameters), context={"folder": folder}), folder)
