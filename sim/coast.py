@@ -8,7 +8,7 @@ the ball is free again.
 
 import numpy as np
 
-from sim.clearance import AHEAD, FARTHEST, SPARE, free_time, push_of, pushes_within, region_free_time
+from sim.clearance import AHEAD, FARTHEST, allowed, free_time, push_of, pushes_within, region_free_time
 from sim.curves.parabola import flight  # bound to the curve's own before it is compiled
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
 from sim.integrators.symplectic_euler import interpolant  # bound to the method's own before it is compiled
@@ -17,10 +17,10 @@ from sim.model import FASTEST
 from sim.motion import Motion, acceleration, motion, next_end
 from sim.rest import no_contacts
 from sim.solvers.stepping import steps_to_come
-from sim.state import AGE, END, FRAME, LOST, RELEASED, STEP, STEPS, WORK, V, X, fill, work_done
+from sim.state import AGE, END, FRAME, LOST, PUSHED, RELEASED, STEP, STEPS, SURE, WORK, V, X, fill, work_done
 from sim.touch import NONE
 from sim.travel import DONE, PAUSED, READY, fly
-from sim.vector import ROUNDING, dot, norm
+from sim.vector import ROUNDING, dot, norm, within
 
 # Rows of the lanes, as in `sim.lanes`; a 1 marks where the step under way leads.
 PLACE, SPEED, PUSH, PLACE1, SPEED1, PUSH1 = (3 * k * LANES for k in range(6))  # m, m/s, m/s^2
@@ -30,17 +30,19 @@ CLOCK = 28 * LANES  # s, age
 GRID = 29 * LANES  # the age at which the step under way ends, in steps
 LAST = 30 * LANES  # s, age before which it must end
 DUE = 31 * LANES  # s, age at the next frame
-SURE_TILL = 32 * LANES  # s, age up to which nothing can happen to it
-HARDEST = 33 * LANES  # m/s^2, if nothing pushes it harder
+SURE_TILL = 32 * LANES  # s, age up to which nothing can happen to it, if nothing pushes it harder than HARDEST
+UNTIL = 33 * LANES  # s, no later than any of these three
 LOOK = 34 * LANES  # ways of a step, how far to look around next
 MOVES = 35 * LANES  # 1 where the step can be taken
 BALL = 36 * LANES  # its row of the states; NONE in a lane without a ball
 WORKED = 37 * LANES  # J, done on the ball since its release
-TAKEN = 38 * LANES  # steps since it came into the lane
-ROWS = 39
+SINCE = 38 * LANES  # GRID when it came into the lane
+HARDEST = 39 * LANES  # m/s^2, along each axis
+ROWS = 42
 
 FEW = 8  # balls that are sooner moved one after the other than side by side
-AT_ONCE = 256  # steps of one of them
+WIDE, GROUP = LANES, 16  # lanes, and those that march on together; bound to FEW and 1 for few balls
+AT_ONCE = 64  # steps that they do so, at most
 
 
 def coast_room() -> np.ndarray:
@@ -53,12 +55,13 @@ def coast(states, first, method, tolerance, blur, body, forces, features, search
     """Move balls as `travel` of `sim.travel` does, by a method with a fixed step. `budget` is of steps of all balls together, and of
     pieces of flight of one."""
     dt, rows, heft = states[0, STEP], 0, body.mass if does_work(forces) else 0.0
-    width, upcoming, how = min(len(states), LANES), 0, DONE
+    width, aboard, upcoming, how = min(len(states), LANES), 0, 0, DONE
     for i in range(LANES):
-        lanes[BALL + i], lanes[SURE_TILL + i] = NONE, -1.0
+        vacate(lanes, i)
     while True:
-        moving, aboard = method.march(lanes, dt, heft), 0
-        for i in range(width if moving < width else 0):
+        held = method.march(lanes, dt, heft) > 0 or aboard == 0
+        aboard = 0 if held else aboard
+        for i in range(width if held else 0):
             if lanes[MOVES + i] > 0.0 or is_free(lanes, i, method, dt, states, first, body, forces, features, search, record):
                 aboard += 1
                 continue
@@ -67,7 +70,7 @@ def coast(states, first, method, tolerance, blur, body, forces, features, search
                 leave(states, lanes, i)
             else:
                 ball, upcoming = upcoming, upcoming + 1
-            lanes[BALL + i] = NONE
+            vacate(lanes, i)
             while ball < len(states):
                 how, rows, budget = fly(
                     states, ball, first + ball, True, method, tolerance, blur, body, forces, features, search, record, log, rows, budget
@@ -81,7 +84,7 @@ def coast(states, first, method, tolerance, blur, body, forces, features, search
             elif how != DONE:
                 return ashore(states, lanes, width, how, ball, rows)
             how = DONE
-        if moving < width and aboard == 0:
+        if aboard == 0:
             return DONE, len(states), rows
         for i in range(width if heft > 0.0 else 0):
             if lanes[MOVES + i] > 0.0:
@@ -101,25 +104,26 @@ def does_work(forces):
 
 
 def march(lanes, dt, mass):
-    """Try a step in all lanes; returns how many balls may take theirs."""
-    moving = 0
-    for i in range(LANES):  # a constant, so that the compiler knows that no row overlaps another
-        moving += 1 if tried(lanes, i, dt) else 0
-    return moving
-
-
-def march_each(lanes, dt, mass):
-    """Try a step in the FEW first lanes, after as many, AT_ONCE at most, as each ball may take; returns how many may go on."""
-    moving = 0
-    for i in range(FEW):
-        taken = 0
-        while tried(lanes, i, dt) and taken < AT_ONCE:
-            if mass > 0.0:
+    """In each group of lanes take steps as long as all of its balls may, and try the next; returns how many may not take that."""
+    held = 0
+    for first in range(0, WIDE, GROUP):
+        group = range(first, first + GROUP)
+        balls, able, taken = 0, 0, 0
+        for i in group:
+            balls += 1 if lanes[BALL + i] != NONE else 0
+        while balls > 0:
+            able = 0
+            for i in group:
+                able += 1 if tried(lanes, i, dt) else 0
+            if able < balls or taken == AT_ONCE:
+                break
+            for i in range(first, first + GROUP if mass > 0.0 else first):
                 work(lanes, i, dt, mass)
-            settle(lanes, i, dt)
+            for i in group:
+                settle(lanes, i, dt, True)
             taken += 1
-        moving += 1 if lanes[MOVES + i] > 0.0 else 0
-    return moving
+        held += balls - able
+    return held
 
 
 def tried(lanes, i, dt):
@@ -134,8 +138,7 @@ def tried(lanes, i, dt):
     if CARRIES:
         put(lanes, PUSH1, i, a1)
     curve = interpolant(h, x, v, a, x1, v1)
-    known = (aim <= lanes[SURE_TILL + i]) & pushes_within(curve, h, v, v1, lanes[HARDEST + i])
-    moves = known & (aim < lanes[LAST + i]) & (aim <= lanes[DUE + i]) & sane(x1, v1)
+    moves = (aim <= lanes[UNTIL + i]) & pushes_within(curve, h, v, v1, lane(lanes, HARDEST, i))
     lanes[MOVES + i] = 1.0 if moves else 0.0
     return moves
 
@@ -155,19 +158,17 @@ def sane(x, v):
 
 def commit(lanes, dt):
     """Move the balls that may to the end of their step."""
-    for i in range(LANES):
-        settle(lanes, i, dt)
+    for i in range(WIDE):
+        settle(lanes, i, dt, lanes[MOVES + i] > 0.0)
 
 
-def settle(lanes, i, dt):
-    """Move the ball in lane i to the end of its step, if it may."""
-    moves = lanes[MOVES + i] > 0.0
+def settle(lanes, i, dt, moves):
+    """Move the ball in lane i to the end of its step, if it `moves`."""
     for k in range(9 if CARRIES else 6):
         row = PLACE + k * LANES + i
         lanes[row] = lanes[row + PLACE1 - PLACE] if moves else lanes[row]
     lanes[CLOCK + i] = lanes[GRID + i] * dt if moves else lanes[CLOCK + i]
     lanes[GRID + i] += 1.0 if moves else 0.0
-    lanes[TAKEN + i] += 1.0 if moves else 0.0
 
 
 def work(lanes, i, dt, mass):
@@ -192,12 +193,13 @@ def is_free(lanes, i, method, dt, states, first, body, forces, features, search,
         return False
     h = aim - age
     push, _, _ = method.step_in(lanes, i, h)
-    if not (aim <= lanes[SURE_TILL + i] and push <= lanes[HARDEST + i]):
-        push *= SPARE
-        look = lanes[LOOK + i] * h * (norm(v) + push * h)
+    if not (aim <= lanes[SURE_TILL + i] and within(push, lane(lanes, HARDEST, i))):
+        push = allowed(push)
+        look = lanes[LOOK + i] * h * (norm(v) + norm(push) * h)
         aside, time = region_free_time(x, v, push, forces), free_time(features, search, x, v, push, body.radius, look)
         lanes[LOOK + i] = min(2.0 * lanes[LOOK + i], FARTHEST) if time > 0.25 * lanes[LOOK + i] * h else AHEAD
-        lanes[SURE_TILL + i], lanes[HARDEST + i] = age + min(time, aside), push
+        lanes[SURE_TILL + i] = age + min(time, aside)
+        put(lanes, HARDEST, i, push)
         if not aim <= lanes[SURE_TILL + i]:
             return False
     s = states[int(lanes[BALL + i])]
@@ -211,14 +213,25 @@ def is_free(lanes, i, method, dt, states, first, body, forces, features, search,
         lanes[DUE + i] = next_frame(s, record)
         if lanes[DUE + i] == np.inf:  # that was the last one
             return False
+    lanes[UNTIL + i] = soonest(lanes, i)
     lanes[MOVES + i] = 1.0
     return True
+
+
+def soonest(lanes, i):
+    """The age (s) up to which the ball in lane i may march on."""
+    return min(lanes[SURE_TILL + i], min(lanes[DUE + i], lanes[LAST + i] * (1.0 - ROUNDING)))
 
 
 def next_frame(s, record):
     """The age (s) of a ball at the next frame, infinite if there is none."""
     frame = int(s[FRAME])
     return record.time[frame] - s[RELEASED] if frame < len(record.time) else np.inf
+
+
+def vacate(lanes, i):
+    """Have no ball in lane i."""
+    lanes[BALL + i], lanes[UNTIL + i], lanes[MOVES + i] = NONE, -1.0, 0.0
 
 
 def board(states, lanes, i, ball, dt, forces, record):
@@ -235,8 +248,11 @@ def board(states, lanes, i, ball, dt, forces, record):
     lanes[STIFF + i], lanes[DRAG + i], lanes[DRIVE_STIFF + i], lanes[DRIVE_DRAG + i] = mover.w2, mover.b, mover.drive_w2, mover.drive_b
     lanes[CLOCK + i], lanes[GRID + i] = age, steps_to_come(age, limit, dt)
     lanes[LAST + i], lanes[DUE + i] = limit - ROUNDING * limit, next_frame(s, record)
-    lanes[SURE_TILL + i], lanes[LOOK + i], lanes[MOVES + i] = -1.0, AHEAD, 0.0
-    lanes[BALL + i], lanes[WORKED + i], lanes[TAKEN + i] = ball, s[WORK], 0.0
+    sure = s[SURE] if len(forces.selective) == 0 else -1.0  # which knows of no regions
+    lanes[SURE_TILL + i], lanes[LOOK + i] = sure, AHEAD
+    put(lanes, HARDEST, i, (s[PUSHED], s[PUSHED + 1], s[PUSHED + 2]))
+    lanes[UNTIL + i] = soonest(lanes, i)
+    lanes[BALL + i], lanes[WORKED + i], lanes[SINCE + i] = ball, s[WORK], lanes[GRID + i]
 
 
 def mover_in(lanes, i):
@@ -259,7 +275,7 @@ def leave(states, lanes, i):
         s[X + k] = lanes[PLACE + k * LANES + i]
     s[AGE] = lanes[CLOCK + i]
     s[WORK] = lanes[WORKED + i]
-    s[STEPS] += lanes[TAKEN + i]
+    s[STEPS] += lanes[GRID + i] - lanes[SINCE + i]
 
 
 def ashore(states, lanes, width, how, ball, rows):

@@ -146,7 +146,7 @@ class Swept:
 
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
 CURVE = (
-    *("flight", "point", "slope", "bend", "bend_squared", "series", "project", "start", "seen_from", "seen_along", "piece", "fall"),
+    *("flight", "point", "slope", "bend", "bends", "series", "project", "start", "seen_from", "seen_along", "piece", "fall"),
     *("value", "dip"),
 )
 SOLVER = "SMALL_STEPS", "goal", "hands_on", "depart", "arrive", "squared_speed"
@@ -164,6 +164,7 @@ def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.
     """A fixed-step method's own functions, for few balls or many, `names` in them bound; with `compiled` False in plain Python."""
     own = steps(method) | of_module(f"curves.{integrators.load(method)[0].curve}", CURVE) | of_module("solvers.stepping", SOLVER)
     names = own | {"acceleration": motion.acceleration, "rates": motion.rates} | names
+    names |= {"WIDE": coast.FEW, "GROUP": 1} if few else {}
     still, lane = (0.0, 0.0, 0.0), coast.coast_room()
     mover = motion.Motion(still, 0.0, 0.0, still, 0.0, 0.0, rest.no_contacts())
 
@@ -172,7 +173,7 @@ def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.
 
     made = stepping.Steps(
         take=entry(stepping.take, 0.0, 0.0, still, still, still, mover),
-        march=entry(coast.march_each if few else coast.march, lane, 0.0, 0.0),
+        march=entry(coast.march, lane, 0.0, 0.0),
         step_in=entry(coast.step_in, lane, 0, 0.0),
         commit=entry(coast.commit, lane, 0.0),
         carries=names["CARRIES"],

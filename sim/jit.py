@@ -152,7 +152,7 @@ LARGE = {
     *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "check", "onward", "response", "touch_edge", "beside", "onto_face"),
     *("onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
     *("curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
-    *("coast", "take", "march", "march_each", "step_in", "commit"),
+    *("coast", "take", "march", "step_in", "commit"),
     *("majorant.fall", "falls_again"),
 }
 

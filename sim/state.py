@@ -19,7 +19,8 @@ EVENTS, SINCE = 28, 29  # events since the age SINCE (s)
 LEFT = 30  # the face that the ball has just slid off
 STEP = 31  # s, to try next
 FLOWN = 32  # the edge or corner that the ball has just flown off
-WIDTH = 33
+SURE, PUSHED = 33, 34  # s, age up to which nothing can happen to it if nothing pushes harder (m/s^2, along each axis)
+WIDTH = 37
 
 
 def work_done(curve, t, x, v, x1, v1, mover, mass):

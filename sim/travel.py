@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.clearance import AHEAD, SPARE, free_time, push_of
+from sim.clearance import AHEAD, allowed, free_time, push_of
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
 from sim.hop import hop
 from sim.impact import energy_lost, rebound
@@ -62,9 +62,11 @@ from sim.state import (
     FRAME,
     LEFT,
     LOST,
+    PUSHED,
     RELEASED,
     STEP,
     STEPS,
+    SURE,
     WORK,
     V,
     X,
@@ -76,7 +78,7 @@ from sim.state import (
     work_done,
 )
 from sim.touch import NONE, first_touch
-from sim.vector import ROUNDING, axpy, dot, norm, row
+from sim.vector import ROUNDING, axpy, dot, norm, row, within
 
 # How a call ends.
 DONE, PAUSED, DIVERGED, STALLED, READY = 0, 1, 2, 3, 4
@@ -129,7 +131,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
     how, left, flown, dt = DONE, int(s[LEFT]), int(s[FLOWN]), s[STEP]
-    push, sure = 0.0, -1.0  # m/s^2, s: up to that age nothing can happen if nothing pushes harder
+    push, sure = (0.0, 0.0, 0.0), -1.0  # m/s^2, s: up to that age nothing can happen if nothing pushes harder
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -172,9 +174,9 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         free = contacts.held
         if SMALL_STEPS and contacts.count == 0:
             needed = push_of(curve, h, v, v1)
-            if needed > push or aim > sure:
-                push = SPARE * needed
-                sure = age + free_time(features, search, x, v, push, body.radius, AHEAD * h * (norm(v) + push * h))
+            if aim > sure or not within(needed, push):
+                push = allowed(needed)
+                sure = age + free_time(features, search, x, v, push, body.radius, AHEAD * h * (norm(v) + norm(push) * h))
             free = aim <= sure
         if not free:
             touched, t, near = first_touch(curve, features, search, body.radius, length, contacts, left)
@@ -273,8 +275,8 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
             record.work[frame, ball], record.lost[frame, ball] = s[WORK], s[LOST]
         frame += 1
     for k in range(3):
-        s[X + k], s[V + k] = x[k], v[k]
-    s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP] = age, frame, left, flown, dt
+        s[X + k], s[V + k], s[PUSHED + k] = x[k], v[k], push[k]
+    s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP], s[SURE] = age, frame, left, flown, dt, sure
     save_contacts(s, contacts)
     return how, rows, budget
 

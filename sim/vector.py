@@ -58,3 +58,13 @@ def gap_along(n, x, p, offset):
 def size(x):
     """The absolute values of a vector's parts."""
     return abs(x[0]), abs(x[1]), abs(x[2])
+
+
+def larger(x, y):
+    """Of each part the larger one."""
+    return max(x[0], y[0]), max(x[1], y[1]), max(x[2], y[2])
+
+
+def within(x, y):
+    """Whether no part of x is larger than that of y."""
+    return (x[0] <= y[0]) & (x[1] <= y[1]) & (x[2] <= y[2])

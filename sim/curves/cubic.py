@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.vector import across, axpy, dot, gap, scale, sub
+from sim.vector import across, axpy, dot, gap, larger, scale, size, sub
 
 EPS = np.finfo(float).eps
 SHORT = 1e-60  # s; over less a curve is straight, and powers of it have no inverse
@@ -34,14 +34,20 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
-    return np.sqrt(bend_squared(curve, s, end))
-
-
-def bend_squared(curve, s, end):
     """|x''| is convex, so it is largest at an end."""
+    first, last = at_ends(curve, s, end)
+    return 2.0 * np.sqrt(max(dot(first, first), dot(last, last)))
+
+
+def bends(curve, s, end):
+    first, last = at_ends(curve, s, end)
+    return scale(2.0, larger(size(first), size(last)))
+
+
+def at_ends(curve, s, end):
+    """x''/2 at s and at `end`."""
     _, _, c, d = curve
-    first, last = axpy(3.0 * s, d, c), axpy(3.0 * end, d, c)
-    return 4.0 * max(dot(first, first), dot(last, last))
+    return axpy(3.0 * s, d, c), axpy(3.0 * end, d, c)
 
 
 def series(curve, s, t):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.majorant import chord
-from sim.vector import across, axpy, dot, gap, scale, sub
+from sim.vector import across, axpy, dot, gap, norm, scale, size, sub
 
 
 def flight(x, v, k, b, w2):
@@ -21,11 +21,11 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
-    return np.sqrt(bend_squared(curve, s, end))
+    return norm(curve[2])
 
 
-def bend_squared(curve, s, end):
-    return dot(curve[2], curve[2])
+def bends(curve, s, end):
+    return size(curve[2])
 
 
 def series(curve, s, t):

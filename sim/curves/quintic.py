@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.cubic import SHORT
-from sim.vector import across, axpy, dot, gap, scale, sub
+from sim.vector import across, axpy, dot, gap, larger, scale, size, sub
 
 EPS = np.finfo(float).eps
 
@@ -41,11 +41,17 @@ def slope(curve, s):
 
 
 def bend(curve, s, end):
-    return np.sqrt(bend_squared(curve, s, end))
+    first, second, third, last = hull(curve, s, end)
+    return np.sqrt(max(max(dot(first, first), dot(second, second)), max(dot(third, third), dot(last, last))))
 
 
-def bend_squared(curve, s, end):
-    """x'' is a cubic, which stays in the hull of its four control points on [s, end]."""
+def bends(curve, s, end):
+    first, second, third, last = hull(curve, s, end)
+    return larger(larger(size(first), size(second)), larger(size(third), size(last)))
+
+
+def hull(curve, s, end):
+    """x'' is a cubic, which stays in the hull of these four control points on [s, end]."""
     _, _, c, d, e, f = curve
     t = end - s
     first = scale(2.0, axpy(s, axpy(s, axpy(s, scale(10.0, f), scale(6.0, e)), scale(3.0, d)), c))
@@ -54,7 +60,7 @@ def bend_squared(curve, s, end):
     second = axpy(1.0, first, rise)
     third = axpy(1.0, second, axpy(1.0, rise, turn))
     last = axpy(20.0 * t * t * t, f, axpy(3.0, turn, axpy(3.0, rise, first)))
-    return max(max(dot(first, first), dot(second, second)), max(dot(third, third), dot(last, last)))
+    return first, second, third, last
 
 
 def series(curve, s, t):

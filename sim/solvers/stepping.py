@@ -19,8 +19,8 @@ class Steps(NamedTuple):
     functions they are handed."""
 
     take: Callable  # of this module
-    march: Callable  # `march` of `sim.coast`, or `march_each`
-    step_in: Callable  # of `sim.coast`, as is the next
+    march: Callable  # of `sim.coast`, as are the next
+    step_in: Callable
     commit: Callable
     carries: bool  # whether a step hands on an acceleration, see `sim.handing`
 

@@ -45,6 +45,15 @@ def one_by_one(simulation):
     return simulation.run()
 
 
+def test_pauses_change_nothing(monkeypatch):
+    """Nor do the lanes of the calls before."""
+    scene, start = SCENES["elastic"]
+    simulation = Simulation(scene, start, Solver("symplectic_euler", 0.01), 2.0, 0.033)
+    flight = simulation.run()
+    monkeypatch.setattr(engines, "PIECES", 200)
+    check_same(simulation.run(), flight)
+
+
 @pytest.mark.parametrize("method", ["symplectic_euler", "rk4", "velocity_verlet"])
 @pytest.mark.parametrize("name", SCENES)
 def test_so_do_few_that_take_many_steps_at_once(name, method):
