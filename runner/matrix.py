@@ -6,6 +6,8 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_, or_
 from typing import Any, NamedTuple
 
 from runner.document import Document, Path_, dotted, split, suggestion
@@ -22,6 +24,7 @@ class Setting(NamedTuple):
 
 
 Values = dict[str, Setting]  # by dotted path
+Marked = tuple[Values, int]  # and the patterns of `exclude` that they leave, a bit for each
 
 
 @dataclass(frozen=True)
@@ -44,29 +47,51 @@ class Matrix:
     def combinations(self, parameters: dict[str, Any]) -> Iterator[Values]:
         """The values of each run; `parameters` are those of the file itself, for `exclude` to look at."""
         if self.axes or not self.include:
-            yield from self._kept(itertools.product(*self.axes), parameters)
+            axes, left = self._marked(parameters)
+            yield from _kept(itertools.product(*axes), left)
         yield from self.include
 
     def each_value(self, parameters: dict[str, Any]) -> Iterator[Values]:
         """Those of the combinations that have each value with the first of all others, and with the last."""
+        axes, left = self._marked(parameters)
         for end in (0, -1):
-            others = [axis[end] for axis in self.axes]
-            crossing = ([*others[:place], each, *others[place + 1 :]] for place, axis in enumerate(self.axes) for each in axis)
-            yield from self._kept(crossing, parameters)
+            others = [axis[end] for axis in axes]
+            crossing = ([*others[:place], each, *others[place + 1 :]] for place, axis in enumerate(axes) for each in axis)
+            yield from _kept(crossing, left)
         yield from self.include
 
-    def _kept(self, combinations: Iterable[Sequence[Values]], parameters: dict[str, Any]) -> Iterator[Values]:
-        for alternatives in combinations:
-            values = {key: setting for part in alternatives for key, setting in part.items()}
-            if not any(_matches(pattern, values, parameters) for pattern in self.exclude):
-                yield values
+    def _marked(self, parameters: dict[str, Any]) -> tuple[list[list[Marked]], int]:
+        """The axes with the patterns of `exclude` that each alternative leaves, and those that the file's own values leave: a
+        bit for each, so that thousands of patterns cost a run no more than a few."""
+        patterns = dict[str, dict[Any, int]]()  # by key and value: those that ask for it
+        for number, pattern in enumerate(self.exclude):
+            for key, value in pattern.items():
+                asking = patterns.setdefault(key, {})
+                asking[_frozen(value)] = asking.get(_frozen(value), 0) | 1 << number
+        every = (1 << len(self.exclude)) - 1
+        indifferent = {key: every ^ reduce(or_, asking.values()) for key, asking in patterns.items()}
+
+        def left(values: Iterable[tuple[str, Any]]) -> int:
+            met = (indifferent[key] | patterns[key].get(_frozen(value), 0) for key, value in values if key in patterns)
+            return reduce(and_, met, every)
+
+        axes = [[(each, left((key, setting.value) for key, setting in each.items())) for each in axis] for axis in self.axes]
+        varied = {key for axis in self.axes for key in axis[0]}
+        return axes, left((key, value_at(parameters, split(key))) for key in patterns if key not in varied)
 
 
-def _matches(pattern: dict[str, Any], values: Values, parameters: dict[str, Any]) -> bool:
-    return all(
-        (values[key].value if key in values else value_at(parameters, split(key))) == wanted
-        for key, wanted in pattern.items()
-    )
+def _kept(combinations: Iterable[Sequence[Marked]], left: int) -> Iterator[Values]:
+    """The values of the combinations that no pattern is left for."""
+    for alternatives in combinations:
+        if not reduce(and_, (each for _, each in alternatives), left):
+            yield {key: setting for values, _ in alternatives for key, setting in values.items()}
+
+
+def _frozen(value: Any) -> Any:
+    """What is equal where values are, to look them up by."""
+    if isinstance(value, dict):
+        return frozenset((key, _frozen(each)) for key, each in value.items())
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
 def parse(raw: dict[str, Any], settings: dict[str, Any], document: Document) -> tuple[Matrix, list[Fault]]:
