@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
-from pydantic_core import PydanticCustomError, to_json
+from pydantic_core import PydanticCustomError, to_json, to_jsonable_python
 
 import sim
 from runner import chart
@@ -27,28 +27,51 @@ from runner.schema import Expectation, File, Model, Setup
 from runner.settings import canonical, leaves, with_value
 
 
+#: Groups that may hold thousands of things, and have no say in what else their part may hold
+GROUPS = {"surfaces", "forces", "released"}
+
+
 class Parts:
-    """The parts of setups as JSON holds them. Runs of a sweep have most in common: each part is looked at once, and shared."""
+    """The parts of setups as JSON holds them. Runs of a sweep have most in common: each part, and each group in one, is looked at
+    once, and shared."""
 
     def __init__(self):
-        self._known: dict[int, tuple[Any, Any, str]] = {}  # the part, too, so that its id stays its own
+        self._known: dict[int, tuple[Any, Any, tuple[str, ...]]] = {}  # the part, too, so that its id stays its own
 
     def plain(self, part: Any) -> Any:
         """Not to be changed."""
         return self._looked_at(part)[1]
 
-    def text(self, part: Any) -> str:
+    def text(self, part: Any) -> tuple[str, ...]:
+        """In pieces, so that long ones are shared."""
         return self._looked_at(part)[2]
 
     def share(self, part: Any, known: Parts) -> None:
         """Look at the part as `known` does, once for both."""
         self._known[id(part)] = known._looked_at(part)
 
-    def _looked_at(self, part: Any) -> tuple[Any, Any, str]:
+    def _looked_at(self, part: Any) -> tuple[Any, Any, tuple[str, ...]]:
         if id(part) not in self._known:
-            plain = part.model_dump(mode="json") if isinstance(part, BaseModel) else part
-            self._known[id(part)] = part, plain, json.dumps(plain, sort_keys=True, separators=(",", ":"))
+            groups = groups_of(part)
+            plain = to_jsonable_python(part, exclude=set(groups))
+            if groups:
+                plain |= {name: self.plain(each) for name, each in groups.items()}
+                plain = {name: plain[name] for name, _ in part if name in plain}  # in its order
+                pieces = ["{"]
+                for name, each in sorted(plain.items()):
+                    pieces += [f'"{name}":', *(self.text(groups[name]) if name in groups else [_compact(each)]), ","]
+                pieces[-1] = "}"
+            self._known[id(part)] = part, plain, tuple(pieces) if groups else (_compact(plain),)
         return self._known[id(part)]
+
+
+def groups_of(part: Any) -> dict[str, Any]:
+    """The GROUPS that a part of a setup has, if there is anything in them."""
+    return {name: each for name, each in part if name in GROUPS and each} if isinstance(part, BaseModel) else {}
+
+
+def _compact(plain: Any) -> str:
+    return json.dumps(plain, sort_keys=True, separators=(",", ":"))
 
 
 @dataclass(frozen=True)
@@ -69,7 +92,7 @@ class Run:
     def run_id(self) -> str:
         """A readable prefix and a hash of everything that can change the result; the same on every machine."""
         setup = self.setup
-        content = ",".join(f'"{name}":{self.parts.text(part)}' for name, part in sorted(setup))
+        content = ",".join(f'"{name}":{"".join(self.parts.text(part))}' for name, part in sorted(setup))
         digest = hashlib.sha256(f"[{sim.ANSWERS},{{{content}}}]".encode()).hexdigest()
         return f"{setup.solver.method}-m{setup.balls.mass:g}-d{setup.scene.damping:g}-{digest[:12]}"
 
@@ -221,11 +244,20 @@ class _Maker:
         key = name, *map(id, settings.values())
         if key not in self.checked:
             data = {name: self.document.data.get(name)}
+            alike = {
+                group: each
+                for group, each in groups_of(getattr(self.base.setup, name)).items()
+                if not any(path[:2] in ((name,), (name, group)) for path in settings)
+            }
+            for group in alike:  # it is checked already: the least that may be stands for it
+                few = data[name][group][:1] if isinstance(data[name][group], list) else {}
+                data = with_value(data, (name, group), few)
             for path, setting in settings.items():
                 data = with_value(data, path, setting.value)
             try:
                 origins = {path: setting.origin for path, setting in settings.items()}
-                self.checked[key] = getattr(_validate(_only(name), data, self.document, origins), name)
+                part = getattr(_validate(_only(name), data, self.document, origins), name)
+                self.checked[key] = part.model_copy(update=alike) if alike else part
             except InputError as error:
                 self.checked[key] = error
         return self.checked[key]

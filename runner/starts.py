@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 
 import numpy as np
@@ -20,17 +19,16 @@ def faults(runs: Iterable[Run], document: Document) -> list[Fault]:
 
     The geometry is built once for each distinct set of surfaces.
     """
-    scenes: dict[str, dict[str, Run]] = {}
+    scenes: dict[tuple[str, ...], dict[tuple, Run]] = {}
     for run in runs:
-        setup, parameters = run.setup, run.parameters
+        setup, text = run.setup, run.parts.text
         if setup.solver.contact == "swept" or setup.reference:
-            balls = parameters["balls"]
-            where = balls["emitter"]["position"] if balls["emitter"] else [balls["released"], balls["scatter"]]
-            same = scenes.setdefault(json.dumps(parameters["scene"]["surfaces"]), {})
-            same.setdefault(json.dumps([where, balls["radius"]]), run)
+            balls = setup.balls
+            where = balls.emitter.position if balls.emitter else (text(balls.released), text(balls.scatter))
+            scenes.setdefault(text(setup.scene.surfaces), {}).setdefault((where, balls.radius), run)
     found = {}
     for surfaces, starts in scenes.items():
-        if surfaces != "{}":
+        if surfaces != ("{}",):
             found.update(dict.fromkeys(_faults(list(starts.values()), document)))
     return list(found)
 

@@ -3,6 +3,7 @@
 import itertools
 import json
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -74,6 +75,18 @@ def test_exclude_drops_what_matches_in_part(runs):
 def test_exclude_looks_at_vectors_as_a_whole(runs):
     matrix = "matrix: {scene.gravity: [[0, -1, 0], [0, -2, 0]], exclude: [{scene.gravity: [0, -2, 0]}]}\n"
     assert runs(matrix, "scene.gravity") == [[0, -1, 0]]
+
+
+def test_many_patterns_drop_what_a_plain_comparison_does(runs):
+    axes = {"balls.mass": [1, 2, 3], "scene.damping": [0, 0.5, 1], "scene.gravity": [[0, -1, 0], [0, -2, 0]], "scene.restitution": [None, 1]}
+    fixed = {"repeats": 1, "balls.radius": 0.06}
+    choices, random = axes | {key: [value, 7] for key, value in fixed.items()}, Random(1)
+    patterns = [{key: random.choice(choices[key]) for key in random.sample([*choices], random.choice([2, 3]))} for _ in range(12)]
+    combinations = [dict(zip(axes, each)) for each in itertools.product(*axes.values())]
+    kept = [each for each in combinations if not any((fixed | each | pattern) == (fixed | each) for pattern in patterns)]
+    assert 5 < len(kept) < len(combinations) - 5
+    told = runs(f"matrix: {json.dumps(axes | {'exclude': patterns})}\n", *axes)
+    assert told == [tuple(each.values()) for each in kept]
 
 
 def test_include_comes_after_exclude_over_the_files_own_values(runs):
@@ -298,3 +311,16 @@ def test_runs_checked_in_parts_are_those_checked_whole(name):
         whole = config.resolve(run.parameters, run.folder)
         assert (run.setup, run.parameters, run.run_id) == (whole.setup, whole.parameters, whole.run_id)
     assert run.parameters["record"] is experiment.base.parameters["record"], "what does not vary is shared"
+
+
+def test_what_does_not_vary_of_a_part_is_checked_once_and_shared(here, fall):
+    runs = load(fall + "matrix: {scene.damping: [0, 0.5], balls.mass: [1, 2], scene.gravity: [[0, -1, 0], [0, -2, 0]]}\n").runs()
+    assert len({id(run.setup.scene) for run in runs}) == 4 and len({id(run.setup.balls) for run in runs}) == 2
+    for group in ("scene.surfaces", "balls.released"):
+        part, name = group.split(".")
+        assert len({id(getattr(getattr(run.setup, part), name)) for run in runs}) == 1, group
+        assert len({id(run.parameters[part][name]) for run in runs}) == 1, group
+    for run in runs:
+        whole = config.resolve(run.parameters, run.folder)
+        assert (run.setup, run.run_id) == (whole.setup, whole.run_id)
+        assert json.dumps(run.parameters) == json.dumps(whole.setup.model_dump(mode="json"))
