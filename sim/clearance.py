@@ -44,11 +44,13 @@ def free_time(features, search, x, v, push, radius, look):
 def touchless(features, search, x, v, push, radius, look):
     """The time that no touch ends."""
     slack = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]))
-    if len(features.tree.items) == 0:
-        return among(features, search.found, len(search.found), x, v, push, slack)
+    few = len(features.tree.items) == 0
+    soonest = among(features, search.found, len(search.found) if few else features.everywhere, x, v, push, slack)
+    if few:
+        return soonest
     gap = distance(features.tree, x, radius + look, search)
-    soonest = stride(gap * (1.0 - SURE) - slack, -norm(v), norm(push), 0.0) if gap > slack else 0.0
-    return min(soonest * (1.0 - SURE), among(features, search.found, features.everywhere, x, v, push, slack))
+    till = stride(gap * (1.0 - SURE) - slack, -norm(v), norm(push), 0.0) if gap > slack else 0.0
+    return min(till * (1.0 - SURE), soonest)
 
 
 def among(features, found, near, x, v, push, slack):
