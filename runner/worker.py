@@ -113,7 +113,7 @@ def take(task: Task) -> str:
     with claims.claim(task.aside, task.run_id, task.wait) as words:
         if words is None:
             return ELSEWHERE
-        if os.path.exists(task.final) and not task.replace:
+        if task.final.exists() and not task.replace:
             return store.contents(task.final)["status"]
         with _heard(words, task.timeout):
             return perform(task)

@@ -41,7 +41,7 @@ HARDEST = 39 * LANES  # m/s^2, along each axis
 ROWS = 42
 
 FEW = 8  # balls that are sooner moved one after the other than side by side
-WIDE, GROUP = LANES, 16  # lanes, and those that march on together; bound to FEW and 1 for few balls
+WIDE, GROUP = LANES, 16  # lanes, and those that march on together: 8 are slower, 32 LLVM is at for minutes; for few balls FEW and 1
 AT_ONCE = 64  # steps that they do so, at most
 
 
@@ -52,7 +52,7 @@ def coast_room() -> np.ndarray:
 
 
 def coast(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
-    """Move balls as `travel` of `sim.travel` does, by a method with a fixed step. `budget` is of steps of all balls together, and of
+    """Move balls as `travel` of `sim.travel` does, by a method with a fixed step. `budget` is of marches of all balls together, and of
     pieces of flight of one."""
     dt, rows, heft = states[0, STEP], 0, body.mass if does_work(forces) else 0.0
     width, aboard, upcoming, how = min(len(states), LANES), 0, 0, DONE
