@@ -38,7 +38,8 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     Of those touched at the same time a face comes before an edge, then the lowest number. What the ball lies on, by its
     `contacts`, is not looked at, and the face `left`, which it has just slid off, is not touched at once.
 
-    Third comes how many of `search.found` are all that the ball comes near until then; NONE where they are not kept.
+    Third comes how many of `search.found` are all that the ball comes near until then, NONE where they are not kept; last along how
+    many chords of the curve was looked.
     """
     tree = features.tree
     few = len(tree.items) == 0
@@ -46,8 +47,9 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     for c in range(always):
         search.times[c], search.until[c] = 0.0, np.inf
     item, best = earliest(curve, features, search, 0, always, radius, 0.0, end, NONE, end, contacts, left)
-    s, count = end if few else 0.0, always
+    s, count, chords = end if few else 0.0, always, 0
     while s < best:
+        chords += 1
         length, path, margin = piece(curve, s, best, OFF * radius)
         ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
         top, done, count = enter(tree, search), always, always
@@ -61,7 +63,7 @@ def first_touch(curve, features, search, radius, end, contacts, left):
         if s > 0.0:
             count = NONE
         s += length
-    return item, best if item != NONE else np.inf, count
+    return item, best if item != NONE else np.inf, count, chords
 
 
 def announce(features, found, first, last):

@@ -93,8 +93,9 @@ def travel(states, first, method, tolerance, blur, body, forces, features, searc
     """Move balls, rows of `states` numbered from `first` on, through all frames of `record`: side by side while they only
     hop, else one after the other.
 
-    Returns (how it ended, the ball's row, rows of `log` filled). PAUSED: the log is full or `budget` pieces of flight
-    are done; call it again. DIVERGED: the ball's frames from its FRAME on are not good. STALLED: its events pile up.
+    Returns (how it ended, the ball's row, rows of `log` filled). PAUSED: the log is full or the budget spent, a piece of
+    flight or a chord of it at a time; call it again. DIVERGED: the ball's frames from its FRAME on are not good. STALLED: its
+    events pile up.
     """
     hopping = HOPS and len(features.tree.items) == 0 and len(features.edges) == 0 and len(forces.selective) == 0
     rows = 0
@@ -178,19 +179,19 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
                 push = allowed(needed)
                 sure = age + free_time(features, search, x, v, push, body.radius, AHEAD * h * (norm(v) + norm(push) * h))
             free = aim <= sure
+        if len(forces.selective) > 0 and not contacts.held:
+            axis, at, t = next_crossing(curve, x, v, forces, length)
+            if t <= length:
+                what, item, place, length = FACE, axis, at, t
         if not free:
-            touched, t, near = first_touch(curve, features, search, body.radius, length, contacts, left)
+            touched, t, near, chords = first_touch(curve, features, search, body.radius, length, contacts, left)
+            budget -= chords
             if touched != NONE:
                 what, item, length = TOUCH, touched, t
-        if not contacts.held:
-            if len(forces.selective) > 0:
-                axis, at, t = next_crossing(curve, x, v, forces, length)
-                if t < length or (t == length and what == NOTHING):
-                    what, item, place, length = FACE, axis, at, t
-            if contacts.count > 0:
-                k, t = slides_off(curve, features, contacts, body.radius, length)
-                if t < length:
-                    what, item, length = OFF, k, t
+        if contacts.count > 0 and not contacts.held:
+            k, t = slides_off(curve, features, contacts, body.radius, length)
+            if t < length:
+                what, item, length = OFF, k, t
         if curved and what == TOUCH and length > 0.0:
             length = meets(features, item, length, h, x, v, mover, body.radius)
         arrival = aim if length == h else age + length

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim import engines, lanes, log
-from sim.forces import Spring
+from sim.forces import Spring, Uniform
 from sim.model import Invalid
-from sim.shapes import Box, Plane, Rectangle
+from sim.shapes import Box, Heightfield, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver, frame_times
 from tests.sim.helpers import FREE, balls, fly, random_balls, room, simulation
 
@@ -147,6 +147,32 @@ def test_a_long_run_stops_soon_although_frames_are_far_apart(monkeypatch):
     questions = []
     simulation(Scene(), balls(FREE, FREE), step=1e-3, duration=1.0, every=1.0).run(lambda: bool(questions.append(1)))
     assert len(questions) >= 100
+
+
+def over_hills(w, count, duration, **forces):
+    """Balls on a spring of w rad/s above many faces, and how often it is asked whether to stop when they move exactly."""
+    hills = Heightfield(size=(9, 9), cells=(10, 10), height="-2 + 0.1*sin(x)")
+    start = balls([(0.4, 0.01 * k, 0) for k in range(count)], np.zeros((count, 3)))
+    scene, questions = Scene(gravity=FREE, surfaces={"hills": hills}, forces={"spring": Spring(stiffness=w * w), **forces}), []
+    ready = Simulation(scene, start, Solver("exact"), duration, duration)
+    flight = ready.run(lambda: bool(questions.append(1)))
+    assert flight.status == "finished"
+    return flight.steps, len(questions)
+
+
+def test_a_long_piece_of_flight_counts_for_what_is_looked_at(monkeypatch):
+    """Each ball has one, of some hundred swings, and each of those is looked at by itself."""
+    monkeypatch.setattr(engines, "PIECES", 100)
+    steps, questions = over_hills(w=1e3, count=5, duration=0.6)
+    assert steps == 5 and questions >= 5
+
+
+def test_beyond_the_face_of_a_region_nothing_is_looked_at(monkeypatch):
+    """Every half swing crosses one, so takes a fixed number of looks, however many swings there are to come."""
+    monkeypatch.setattr(engines, "PIECES", 100)
+    gust = Uniform((0, 0, 1), 1.0, region={"x": (0, 9)})
+    steps, questions = over_hills(w=1e3, count=1, duration=0.6, gust=gust)
+    assert steps > 150 and questions < 0.2 * steps
 
 
 def test_blocks_are_not_seen(monkeypatch):
