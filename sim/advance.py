@@ -36,9 +36,9 @@ from sim.lanes import (
     lane,
     put,
 )  # fmt: skip
-from sim.log import BALL, COLUMNS, note
+from sim.log import COLUMNS, ball_in, note
 from sim.model import FASTEST
-from sim.packed import NORMAL, POINT, SIDES, height, surface_of, vector
+from sim.packed import NORMAL, POINT, SIDES, height, vector
 from sim.vector import axpy, dot, scale, sub
 
 ROUNDING = 8 * np.finfo(float).eps  # relative error of a time computed as a product or difference
@@ -234,8 +234,8 @@ def bounce(block, i, f, distance, body, forces, features, bounces, row):
     s[WORK1 + i] = body.mass * (before_hit + dot(driving(t, touch, after, forces), sub(x1, touch)))
     s[CROSSED1 + i] = count_crossed(features, x, touch, search) + count_crossed(features, touch, x1, search)
 
-    time, surface = s[RELEASED + i] + t + delay, surface_of(features, f)
-    note(bounces, row, time, block.first + i, surface, touch, normal, vn, np.sqrt(vt_squared), lost)
+    time, vt = s[RELEASED + i] + t + delay, np.sqrt(vt_squared)
+    note(bounces, row, time, block.first + i, features, f, touch, normal, vn, vt, lost)
 
 
 def add_work(s, mass, forces):
@@ -281,7 +281,7 @@ def commit(block):
 def keep_committed(block, bounces, rows, tried):
     """Of the bounces in rows `rows` to `tried`, keep those of lanes that commit their step; returns the new end."""
     for row in range(rows, tried):
-        if block.s[H + int(bounces[row, BALL]) - block.first] > 0.0:
+        if block.s[H + ball_in(bounces, row) - block.first] > 0.0:
             for column in range(COLUMNS):
                 bounces[rows, column] = bounces[row, column]
             rows += 1

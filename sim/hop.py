@@ -13,7 +13,7 @@ from sim.lanes import LANES, lane, put
 from sim.log import note
 from sim.model import FASTEST
 from sim.motion import motion
-from sim.packed import NORMAL, POINT, SIDES, height, surface_of, vector
+from sim.packed import NORMAL, POINT, SIDES, height, vector
 from sim.rest import STILL, comes_to_rest, no_contacts
 from sim.state import (
     AGE,
@@ -229,10 +229,9 @@ def show(states, first, lanes, i, mover, mass, record):
 def tell(lanes, i, first, features, log, row):
     """Write down the impact of the ball in lane i."""
     lanes[TAKEN + i] += 1.0
-    surface = surface_of(features, int(lanes[HIT + i]))
     time, ball = lanes[BORN + i] + lanes[KEPT + CLOCK + i], first + int(lanes[BALL + i])
     x, normal = lane(lanes, KEPT + PLACE, i), lane(lanes, NORMALS, i)
-    note(log, row, time, ball, surface, x, normal, lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i])
+    note(log, row, time, ball, features, int(lanes[HIT + i]), x, normal, lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i])
 
 
 def check(lanes, faces):

@@ -4,26 +4,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Columns, the first in the order of sim.model.BOUNCE. A rest has a normal speed of -1.
-TIME, BALL, SURFACE, POSITION, NORMAL, SPEED_NORMAL, SPEED_TANGENTIAL, ENERGY_LOST, COLUMNS = 0, 1, 2, 3, 6, 9, 10, 11, 12
+from sim.packed import NORMAL, SIDES, vector
+from sim.vector import dot
+
+# Columns, as few as make a line of the processor's cache. A rest has a normal speed of -1.
+TIME, WHO, POSITION, SPEED_NORMAL, SPEED_TANGENTIAL, ENERGY_LOST, COLUMNS = 0, 1, 2, 5, 6, 7, 8
 REST = -1.0
 
+# WHO is BALLS * what + ball, where what is the number of the feature touched, -1 - that on the side of a face that its normal points
+# away from. There are fewer balls than BALLS, and no more features than such a number can tell apart.
+BALLS = 2**24
 
-ROOM = 65536  # rows made at once: larger pieces of memory come cheaper
 LEAST = 4096  # rows worth a call of a kernel
+FIRST, MOST = 2 * LEAST, 2**18  # rows made at once: larger pieces of memory come cheaper, if they are needed
 
 
 class Log:
     """All rows so far."""
 
     def __init__(self):
-        self._full, self._rows, self._used = [], np.empty((ROOM, COLUMNS)), 0
+        self._full, self._rows, self._used = [], np.empty((FIRST, COLUMNS)), 0
 
     def room(self) -> np.ndarray:
         """Rows (n, COLUMNS) to be written next, at least LEAST of them."""
-        if self._used + LEAST > ROOM:
+        if self._used + LEAST > len(self._rows):
             self._full.append(self._rows[: self._used])
-            self._rows, self._used = np.empty((ROOM, COLUMNS)), 0
+            self._rows, self._used = np.empty((min(4 * len(self._rows), MOST), COLUMNS)), 0
         return self._rows[self._used :]
 
     def keep(self, count: int) -> None:
@@ -50,9 +56,17 @@ class Record(NamedTuple):
     lost: np.ndarray  # (frames, balls) J, since the release
 
 
-def note(log, row, time, ball, surface, x, normal, speed_normal, speed_tangential, lost):
-    """Write row `row` of the log."""
-    log[row, TIME], log[row, BALL], log[row, SURFACE] = time, ball, surface
+def note(log, row, time, ball, features, item, x, normal, speed_normal, speed_tangential, lost):
+    """Write row `row` of the log: a ball at x (m) touches feature `item`, whose `normal` there points to it."""
+    faces, what = features.faces, item
+    if item < len(faces) and faces[item, SIDES] > 1.0 and dot(normal, vector(faces, item, NORMAL)) < 0.0:
+        what = -1 - item
+    log[row, TIME], log[row, WHO] = time, BALLS * float(what) + ball
     for k in range(3):
-        log[row, POSITION + k], log[row, NORMAL + k] = x[k], normal[k]
+        log[row, POSITION + k] = x[k]
     log[row, SPEED_NORMAL], log[row, SPEED_TANGENTIAL], log[row, ENERGY_LOST] = speed_normal, speed_tangential, lost
+
+
+def ball_in(log, row):
+    """The ball that row `row` of the log is of."""
+    return int(log[row, WHO]) & (BALLS - 1)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
-from sim import engines, forces, impact, inside, integrators, log, reduction
+from sim import engines, events, forces, impact, inside, integrators, log, reduction
 from sim.energy import ledger, total_energy
 from sim.limits import MOST_RECORDED, MOST_STEPS
-from sim.model import BOUNCE, REST, Balls, Body, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
+from sim.model import Balls, Body, Energy, Fraction, Invalid, Positive, Trajectory, Vector, check
 from sim.packed import Packed, pack
 
 CONTACTS = ("swept", "original")
@@ -70,6 +70,7 @@ class Flight:
     status: str  # finished, rested, diverged, or timeout where it was stopped
     trajectory: Trajectory
     logs: list[log.Log]  # all impacts and rests; those of a ball in one of them, in their order
+    features: Packed  # what they speak of
     end: float  # s, up to which they count
     energy: Energy
     energy_initial: float  # J, of all balls released, at their release
@@ -82,12 +83,12 @@ class Flight:
     @cached_property
     def bounces(self) -> np.ndarray:
         """Impacts: structured, BOUNCE, in order of time, then of ball."""
-        return events(log.rows(self.logs), BOUNCE, self.end)
+        return events.bounces(log.rows(self.logs), self.end, self.features)
 
     @cached_property
     def rests(self) -> np.ndarray:
         """Each coming to rest, or to a slide, on a surface: structured, REST, in order of time, then of ball."""
-        return events(log.rows(self.logs), REST, self.end)
+        return events.rests(log.rows(self.logs), self.end, self.features)
 
 
 def frame_count(duration: float, every: float) -> float:
@@ -254,6 +255,7 @@ class Simulation:
             status=status,
             trajectory=Trajectory(time, self._steps(time), position, velocity),
             logs=logs,
+            features=self.features,
             # of a finished flight all: the time of one at the very end may round to after it
             end=time[-1] if status in ("diverged", "timeout") else np.inf,
             energy=energy,
@@ -264,27 +266,3 @@ class Simulation:
             resting=int(ends.at_rest.sum()),
             penetrations=ends.passed,
         )
-
-
-def events(rows: np.ndarray, kind: np.dtype, end: float) -> np.ndarray:
-    """Of rows (n, log.COLUMNS) those of a kind, BOUNCE or REST, up to the time `end` (s), in order of time, then of ball."""
-    rests = rows[:, log.SPEED_NORMAL] == log.REST
-    mine = np.flatnonzero((rests if kind is REST else ~rests) & (rows[:, log.TIME] <= end))
-    order = mine[np.argsort(rows[mine, log.TIME])]
-    time = rows[order, log.TIME]
-    if np.any(time[1:] == time[:-1]):  # rare, and slower by far
-        order = mine[np.lexsort((rows[mine, log.BALL], rows[mine, log.TIME]))]
-    rows = rows[order]
-    out = np.empty(len(rows), kind)
-    for name, columns in _columns(kind):
-        out[name] = rows[:, columns]
-    return out
-
-
-@cache
-def _columns(kind: np.dtype) -> list[tuple[str, int | slice]]:
-    """Where each field of an event stands in the rows of a log."""
-    widths = [int(np.prod(kind[name].shape, dtype=int)) for name in kind.names]
-    starts = np.cumsum([0, *widths]).tolist()
-    places = zip(kind.names, starts, starts[1:])
-    return [(name, slice(start, end) if kind[name].shape else start) for name, start, end in places]

@@ -16,7 +16,7 @@ from sim.impact import energy_lost, rebound
 from sim.log import REST, note
 from sim.model import FASTEST
 from sim.motion import acceleration, lying_on, motion, next_crossing, next_end, snapped
-from sim.packed import facing, surface_of
+from sim.packed import facing
 from sim.penetration import count_passed
 from sim.rest import (
     STILL,
@@ -287,7 +287,6 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flo
 
     Returns its place, velocity and contacts, the edge that it flies off if any, and the rows of the log filled.
     """
-    surface = surface_of(features, item)
     normal = facing(features, item, x)
     same = parallel(contacts, normal)
     if same != NONE:  # from an edge onto the face beside it, or the other way: no impact
@@ -309,7 +308,7 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flo
             v, vn, squared = rebound(v, normal, body.restitution, body.damping)
             lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)
             s[LOST] += lost
-            note(log, rows, s[RELEASED] + age, ball, surface, x, normal, vn, np.sqrt(squared), lost)
+            note(log, rows, s[RELEASED] + age, ball, features, item, x, normal, vn, np.sqrt(squared), lost)
             rows += 1
         if dot(v, v) <= STILL * STILL:
             v = (0.0, 0.0, 0.0)
@@ -329,7 +328,7 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flo
                 v1 = (0.0, 0.0, 0.0)
             lost = 0.5 * body.mass * (dot(v, v) - dot(v1, v1))
             s[LOST] += lost
-            note(log, rows, settled, ball, surface, x, normal, REST, norm(v1), lost)
+            note(log, rows, settled, ball, features, item, x, normal, REST, norm(v1), lost)
             rows += 1
             v = v1
         elif length == 0.0 and -4.0 * ROUNDING * norm(v) <= dot(v, normal) <= 0.0:

@@ -180,8 +180,9 @@ def test_blocks_are_not_seen(monkeypatch):
     scene, start = room(many=False), random_balls(3, 130, speed=20.0, released=0.0017 * np.arange(130))
     whole = fly(scene, start, step=0.01, duration=1.0, every=0.25)
     assert len(whole.bounces) > 10 * lanes.LANES
-    for size, budget in ((3 * lanes.LANES, 4096), (log.ROOM, 1), (3 * lanes.LANES, 7)):
-        monkeypatch.setattr(log, "ROOM", size)
+    for size, budget in ((3 * lanes.LANES, 4096), (log.FIRST, 1), (3 * lanes.LANES, 7)):
+        monkeypatch.setattr(log, "FIRST", size)
+        monkeypatch.setattr(log, "MOST", size)
         monkeypatch.setattr(log, "LEAST", 2 * lanes.LANES)
         monkeypatch.setattr(engines, "BUDGET", budget)
         flight = fly(scene, start, step=0.01, duration=1.0, every=0.25)
