@@ -11,8 +11,8 @@ from sim.curves.parabola import bends  # bound to the curve's own before they ar
 from sim.forces import HIGH, LOW
 from sim.model import FASTEST
 from sim.packed import NORMAL, from_edge, height, vector
-from sim.tree import distance
 from sim.vector import axpy, dot, larger, norm, scale, size, sub, within
+from sim.walk import distance
 
 AHEAD, FARTHEST = 16.0, 64.0  # times the way of a step: how far around to look first, and at most; more takes longer than it spares
 SPARE, ASIDE = 1.25, 1 / 64  # of the push now, and of all of it along each axis: as much is allowed for

@@ -25,7 +25,7 @@ from sim import advance, coast, forces, integrators, jit, lanes, motion, rest, s
 from sim.curves import majorant
 from sim.hop import hop_room
 from sim.solvers import stepping
-from sim.tree import search_room
+from sim.walk import search_room
 
 BUDGET = 4096  # steps of a block between two looks at `stop`: milliseconds
 PIECES = 16384  # of flight, the same

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.packed import height
-from sim.tree import Search, search_room
+from sim.walk import Search, search_room
 
 LANES = 64
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.geometry import EDGE, Features
-from sim.tree import Tree, along
+from sim.tree import Tree
 from sim.vector import axpy, dot, norm, scale, sub
+from sim.walk import along
 
 # Columns of a face, one line of the processor's cache; and of the first row of its outline, of which the segments follow.
 POINT, NORMAL, SIDES, OUTLINE, FACE_WIDTH = 0, 3, 6, 7, 8

@@ -5,8 +5,8 @@ import numpy as np
 from sim.curves.parabola import fall, piece, point  # bound to the curve's own before they are compiled
 from sim.packed import NORMAL, POINT, SIDES, vector
 from sim.touch import NONE, lands, plane_gap
-from sim.tree import along
 from sim.vector import dot, sub
+from sim.walk import along
 
 WIDE = 64.0  # radii that the curve may be off its path: few faces are between the two
 

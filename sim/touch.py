@@ -19,8 +19,8 @@ from sim.curves.parabola import bend, fall, piece, point, project, seen_along, s
 from sim.curves.stays_off import stays_off
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.prefetch import prefetch
-from sim.tree import cast, enter, onward
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
+from sim.walk import cast, enter, onward
 
 EPS = np.finfo(float).eps
 NONE = -1

@@ -10,7 +10,7 @@ from sim.reduction import features
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.sheet import merge, sheet
 from sim.tree import build as build_tree
-from sim.tree import search_room
+from sim.walk import search_room
 from tests.sim.helpers import soup
 
 NOBODY = np.zeros((0, 3))

@@ -20,7 +20,8 @@ from sim.reduction import NO_ROWS, features
 from sim.rest import no_contacts
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
 from sim.touch import NONE, first_touch
-from sim.tree import build, search_room
+from sim.tree import build
+from sim.walk import search_room
 from tests.sim import oracle
 from tests.sim.helpers import FREE, soup
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-import sim.tree
+import sim.walk
 from sim import jit, reduction
 from sim.inside import distances
 from sim.shapes import Heightfield, Rectangle, Triangles
-from sim.tree import WIDE, along, build, cast, distance, enter, meet, onward, overlapping, search_room
+from sim.tree import WIDE, build, overlapping
+from sim.walk import along, cast, distance, enter, meet, onward, search_room
 from tests.sim.helpers import CORRIDOR, LIFT, fly, moved, random_balls, room, rotation
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -139,7 +140,7 @@ def test_a_search_looks_at_few_groups(n, monkeypatch):
     tree = build(low, low + 0.5)
     for x in (0.2, n // 2 + 0.2, n - 0.8):
         asked = []
-        monkeypatch.setattr(sim.tree, "meet", lambda *args: (asked.append(args[1]), meet(*args)))
+        monkeypatch.setattr(sim.walk, "meet", lambda *args: (asked.append(args[1]), meet(*args)))
         found, _, _ = search(tree, n, (x, -1.0, -1.0), (0.01, 0.8, 0.6), compiled=False)
         assert 1 <= len(found) <= 3
         # a group a level on the way down, plus some neighbours
