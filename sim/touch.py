@@ -88,7 +88,7 @@ def earliest(curve, features, search, first, last, radius, begin, end, item, bes
     n = len(faces)
     for c in range(first, last):
         i, since = search.found[c], begin + search.times[c]
-        if i < n or since > best or (contacts.count > 0 and lies_on(curve, faces, edges, i, radius, contacts)):
+        if i < n or since > best or (contacts.count > 0 and lies_on(point(curve, 0.0), faces, edges, i, radius, contacts)):
             continue
         s, till = -1.0, min(best, min(begin + search.until[c], end))
         if contacts.count > 0:
@@ -137,7 +137,7 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
         if i >= n:
             continue
         since, till = begin + times[c], begin + search.until[c]
-        if contacts.count > 0 and lies_on(curve, faces, features.edges, i, radius, contacts):
+        if contacts.count > 0 and lies_on(point(curve, 0.0), faces, features.edges, i, radius, contacts):
             times[c] = np.inf
             continue
         if contacts.count > 0:
@@ -174,10 +174,9 @@ def falls_again(curve, faces, f, radius, s, end):
     return again
 
 
-def lies_on(curve, faces, edges, i, radius, contacts):
-    """Whether feature i is one that the ball lies on, or an edge in the plane of one: that is touched only where the ball,
+def lies_on(x, faces, edges, i, radius, contacts):
+    """Whether feature i is one that a ball at x lies on, or an edge in the plane of one: that is touched only where the ball,
     sliding, leaves the face."""
-    x = point(curve, 0.0)
     for k in range(contacts.count):
         if i == contacts.items[k]:
             return True

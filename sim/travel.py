@@ -234,8 +234,9 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         # what the event does
         known = hands_on(method) and what == NOTHING and contacts.count == 0 and not curved and age != switch
         if what == TOUCH:
+            course = slope(curve, length)
             x, v, contacts, flown, rows = strike(
-                s, ball, curve, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows
+                s, ball, course, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows
             )
         elif what == FACE:
             x = snapped(x, item, place)
@@ -282,8 +283,9 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
     return how, rows, budget
 
 
-def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows):
-    """What becomes of a ball that has touched `item` at x, on the curve after `length` (s): an impact, or rest.
+def strike(s, ball, course, length, curved, item, age, x, v, mover, contacts, flown, blur, body, features, log, rows):
+    """What becomes of a ball that has touched `item` at x after `length` (s), on a curve that has the slope `course` (m/s) there: an
+    impact, or rest.
 
     Returns its place, velocity and contacts, the edge that it flies off if any, and the rows of the log filled.
     """
@@ -303,7 +305,7 @@ def strike(s, ball, curve, length, curved, item, age, x, v, mover, contacts, flo
             flown = item
         elif dot(v, normal) >= 0.0 and not curved:
             # a step's own velocity may differ from that of its interpolant, which over a short step is known less well
-            v = axpy(dot(slope(curve, length), normal) - dot(v, normal), normal, v)
+            v = axpy(dot(course, normal) - dot(v, normal), normal, v)
         if flown == NONE and dot(v, normal) < 0.0:
             v, vn, squared = rebound(v, normal, body.restitution, body.damping)
             lost = energy_lost(body.mass, vn, squared, body.restitution, body.damping)

@@ -154,8 +154,8 @@ def test_a_slide_over_concave_facets_goes_on():
 def with_features(simulation, features):
     """The simulation with other features for the same surfaces."""
     _, _, body, forces, *_ = simulation.engine.given
-    s = simulation
-    s.engine = engines.Swept(s.solver, s.balls, s.time[-1], body, forces, pack(features))
+    s, s.features = simulation, pack(features)
+    s.engine = engines.Swept(s.solver, s.balls, s.time[-1], body, forces, s.features)
     return s
 
 
