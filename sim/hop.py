@@ -1,8 +1,8 @@
 """Hops from face to face, many balls side by side: nearly all that the exact solver does in a scene of a few faces.
 
-A hop is a flight under a constant acceleration that ends with a plain impact on a face. `fly` of `sim.travel` would take a ball
-over it in the same way, bit for bit; here vector instructions look for the touches of all balls at once, and reckon what comes of
-them. Whatever is not plain, say a ball that may come to rest, or the end of its flight, is left to `fly`.
+A hop is a flight under a constant acceleration that ends with a plain impact on a face, or with the ball's life. `fly` of
+`sim.travel` would take a ball over it in the same way, bit for bit; here vector instructions look for the touches of all balls at
+once, and reckon what comes of them. Whatever is not plain, say a ball that may come to rest, is left to `fly`.
 """
 
 import numpy as np
@@ -80,21 +80,25 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
         for i in range(LANES):
             if lanes[BALL + i] == NONE:
                 continue
-            if lanes[PLAIN + i] > 0.0 and (not outlines or lands_in(lanes, i, features, mover.pull)):
+            last, state = lanes[HIT + i] == NONE, 0
+            if lanes[PLAIN + i] > 0.0 and (last or not outlines or lands_in(lanes, i, features, mover.pull)):
                 if lanes[DUE + i] >= lanes[KEPT + CLOCK + i] or show(states, first, lanes, i, mover, body.mass, record):
-                    tell(lanes, i, first, features, log, rows)
-                    rows += 1
                     budget -= 1
-                    aboard += 1
-                    continue
-            leave(states, lanes, i)
+                    lanes[TAKEN + i] += 1.0
+                    if not last:
+                        tell(lanes, i, first, features, log, rows)
+                        rows += 1
+                        aboard += 1
+                        continue
+                    state = KEPT
+            leave(states, lanes, i, state)
             upcoming = board(states, upcoming, lanes, i, record)
             aboard += lanes[BALL + i] != NONE
         for j in range(KEPT):
             lanes[j] = lanes[KEPT + j]
     for i in range(LANES):
         if lanes[BALL + i] != NONE:
-            leave(states, lanes, i)
+            leave(states, lanes, i, 0)
     return rows, budget
 
 
@@ -104,7 +108,8 @@ def board(states, upcoming, lanes, i, record):
     for ball in range(upcoming, len(states)):
         s = states[ball]
         frame = int(s[FRAME])
-        if frame < len(record.time) and record.time[frame] >= s[RELEASED] and s[COUNT] == 0.0 and s[LEFT] == NONE:
+        flies = frame < len(record.time) and record.time[frame] >= s[RELEASED] and s[AGE] < s[END]
+        if flies and s[COUNT] == 0.0 and s[LEFT] == NONE:
             for side in (0, KEPT):
                 put(lanes, side + PLACE, i, (s[X], s[X + 1], s[X + 2]))
                 put(lanes, side + SPEED, i, (s[V], s[V + 1], s[V + 2]))
@@ -116,13 +121,13 @@ def board(states, upcoming, lanes, i, record):
     return len(states)
 
 
-def leave(states, lanes, i):
-    """Take the ball in lane i out of it."""
+def leave(states, lanes, i, state):
+    """Take the ball in lane i out of it, as it is in rows `state`: 0, or KEPT where it has taken its hop."""
     s = states[int(lanes[BALL + i])]
     for k in range(3):
-        s[X + k], s[V + k] = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
-    s[AGE], s[WORK], s[LOST] = lanes[CLOCK + i], lanes[WORKED + i], lanes[GONE + i]
-    s[EVENTS], s[SINCE] = lanes[COUNTED + i], lanes[COUNTED_FROM + i]
+        s[X + k], s[V + k] = lanes[state + PLACE + k * LANES + i], lanes[state + SPEED + k * LANES + i]
+    s[AGE], s[WORK], s[LOST] = lanes[state + CLOCK + i], lanes[state + WORKED + i], lanes[state + GONE + i]
+    s[EVENTS], s[SINCE] = lanes[state + COUNTED + i], lanes[state + COUNTED_FROM + i]
     s[STEPS] += lanes[TAKEN + i]
 
 
@@ -182,20 +187,22 @@ def reckon(lanes, blur, body, mover):
     """Reckon the hops of all balls and the impacts at their ends, and mark those that are plain."""
     e, damping = body.restitution, body.damping
     for i in range(LANES):
-        t, normal = lanes[LEAST + i], lane(lanes, NORMALS, i)
+        t, normal, last = lanes[LEAST + i], lane(lanes, NORMALS, i), lanes[HIT + i] == NONE
         x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
         x1, v1 = point(curve, t), slope(curve, t)
         v2, vn, squared = rebound(v1, normal, e, damping)
         rests = comes_to_rest(v2, mover.pull, normal, e, damping, blur)
-        sound = (dot(v2, v2) > STILL * STILL) & (dot(v1, v1) <= FASTEST * FASTEST)
-        age = lanes[CLOCK + i] + t
+        sound = (dot(v1, v1) <= FASTEST * FASTEST) & (dot(x1, x1) < np.inf)
+        age = lanes[ENDS + i] if last else lanes[CLOCK + i] + t
         anew = age - lanes[COUNTED_FROM + i] > 1.0
         count = 0.0 if anew else lanes[COUNTED + i] + 1.0
-        plain = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0) & sound & (count <= MOST_EVENTS)
-        lanes[PLAIN + i] = 1.0 if plain & (not rests) else 0.0
-        lost = energy_lost(body.mass, vn, squared, e, damping)
+        hits = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0) & (dot(v2, v2) > STILL * STILL)
+        plain = last | (hits & (count <= MOST_EVENTS) & (not rests))
+        lanes[PLAIN + i] = 1.0 if plain & sound else 0.0
+        lost = 0.0 if last else energy_lost(body.mass, vn, squared, e, damping)
         put(lanes, KEPT + PLACE, i, x1)
-        put(lanes, KEPT + SPEED, i, v2)
+        for k in range(3):
+            lanes[KEPT + SPEED + k * LANES + i] = v1[k] if last else v2[k]
         lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i] = vn, np.sqrt(squared), lost
         lanes[KEPT + CLOCK + i] = age
         lanes[KEPT + WORKED + i] = lanes[WORKED + i] + steady_work(x, x1, mover.drive, body.mass)
@@ -228,7 +235,6 @@ def show(states, first, lanes, i, mover, mass, record):
 
 def tell(lanes, i, first, features, log, row):
     """Write down the impact of the ball in lane i."""
-    lanes[TAKEN + i] += 1.0
     time, ball = lanes[BORN + i] + lanes[KEPT + CLOCK + i], first + int(lanes[BALL + i])
     x, normal = lane(lanes, KEPT + PLACE, i), lane(lanes, NORMALS, i)
     note(log, row, time, ball, features, int(lanes[HIT + i]), x, normal, lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i])
