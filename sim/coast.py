@@ -53,7 +53,7 @@ def coast_room() -> np.ndarray:
 
 def coast(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
     """Move balls as `travel` of `sim.travel` does, by a method with a fixed step. `budget` is of marches of all balls together, and of
-    pieces of flight of one."""
+    pieces of flight of one and chords of them."""
     dt, rows, heft = states[0, STEP], 0, body.mass if does_work(forces) else 0.0
     width, aboard, upcoming, how = min(len(states), LANES), 0, 0, DONE
     for i in range(LANES):
