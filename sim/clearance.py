@@ -43,9 +43,10 @@ def free_time(features, search, x, v, push, radius, look):
 
 def touchless(features, search, x, v, push, radius, look):
     """The time that no touch ends."""
-    slack = radius + SURE * (abs(x[0]) + abs(x[1]) + abs(x[2]))
+    unsure = SURE * (radius + abs(x[0]) + abs(x[1]) + abs(x[2]))
+    slack = radius + unsure
     few = len(features.tree.items) == 0
-    soonest = among(features, search.found, len(search.found) if few else features.everywhere, x, v, push, slack)
+    soonest = among(features, search.found, len(search.found) if few else features.everywhere, x, v, push, slack, unsure)
     if few:
         return soonest
     gap = distance(features.tree, x, radius + look, search)
@@ -53,24 +54,38 @@ def touchless(features, search, x, v, push, radius, look):
     return min(till * (1.0 - SURE), soonest)
 
 
-def among(features, found, near, x, v, push, slack):
-    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m); of a face from its whole
-    plane."""
+def among(features, found, near, x, v, push, slack, unsure):
+    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m), known to half of `unsure` (m);
+    of a face from its whole plane.
+
+    One that a ball gets away from it does not touch before it turns, so that it may be in touch with an edge, to what is unsure,
+    and anywhere beside a face, to whose plane it has to come down again.
+    """
     n, soonest, speed, most = len(features.faces), np.inf, norm(v), norm(push)
     for c in range(near):
         i = found[c]
         if i < n:
             normal = vector(features.faces, i, NORMAL)
             gap, rise, pull = height(features.faces, i, x), dot(normal, v), dot(size(normal), push)
-            gap, rise = abs(gap), rise if gap > 0.0 else -rise
+            gap, rise, least = abs(gap), rise if gap > 0.0 else -rise, 2.0 * unsure - slack
         else:
-            gap, rise, pull = norm(from_edge(features.edges, i - n, x)), -speed, most
+            off = from_edge(features.edges, i - n, x)
+            gap, pull, least = norm(off), most, -2.0 * unsure
+            rise = dot(off, v) / gap if gap > unsure else -speed
         gap = gap * (1.0 - SURE) - slack
+        if gap <= 0.0 and (gap < least or rise <= 0.0):
+            return 0.0
         # a bound like that, above zero now and then, is so in between, too: of most features no root is needed
-        if gap > 0.0 and gap + soonest * (rise - 0.5 * pull * soonest) > 0.0:
+        if gap + soonest * (rise - 0.5 * pull * soonest) > 0.0:
             continue
-        soonest = min(soonest, stride(gap, rise, pull, 0.0) if gap > 0.0 else 0.0)
+        soonest = min(soonest, stride(gap, rise, pull, 0.0) if gap > 0.0 else back(gap, rise, pull))
     return soonest * (1.0 - SURE)
+
+
+def back(gap, rise, pull):
+    """The time (s) at which a distance that is `gap` (m), grows at the speed `rise` (m/s) and is pulled down by `pull` (m/s^2), has
+    turned, and is no more above zero."""
+    return (rise + np.sqrt(max(rise * rise + 2.0 * pull * gap, 0.0))) / pull if pull > 0.0 else np.inf
 
 
 def region_free_time(x, v, push, forces):

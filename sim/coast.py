@@ -273,8 +273,9 @@ def leave(states, lanes, i):
     s = states[int(lanes[BALL + i])]
     for k in range(6):
         s[X + k] = lanes[PLACE + k * LANES + i]
-    s[AGE] = lanes[CLOCK + i]
-    s[WORK] = lanes[WORKED + i]
+    for k in range(3):
+        s[PUSHED + k] = lanes[HARDEST + k * LANES + i]
+    s[AGE], s[SURE], s[WORK] = lanes[CLOCK + i], lanes[SURE_TILL + i], lanes[WORKED + i]
     s[STEPS] += lanes[GRID + i] - lanes[SINCE + i]
 
 

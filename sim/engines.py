@@ -147,7 +147,7 @@ class Swept:
 #: The names in the kernel `travel` that a curve, a solver and a method stand for.
 CURVE = (
     *("flight", "point", "slope", "bend", "bends", "series", "project", "start", "seen_from", "seen_along", "piece", "fall"),
-    *("value", "dip"),
+    *("value", "dip", "as_quintic"),
 )
 SOLVER = "SMALL_STEPS", "goal", "hands_on", "depart", "arrive", "squared_speed"
 METHOD = "step", "carried", "embedded", "interpolant"
@@ -198,9 +198,9 @@ def of_module(name: str, wanted: tuple) -> dict:
 
 
 def curve_of(method: str, packed: forces.Forces) -> str:
-    """The module of `sim.curves` of the method's flights in these fields: most of the kernel `travel` is the same for all methods
-    with the same one, and compiled once."""
+    """The module of `sim.curves` of the method's flights in these fields, as events are looked for on them: most of the kernel `travel`
+    is the same for all methods with the same one, and compiled once."""
     if method != "exact":
-        return integrators.load(method)[0].curve
+        return "quintic"
     rows = np.vstack([packed.steady, packed.selective[:, : len(packed.steady)]])
     return "oscillation" if rows[:, [forces.W2, forces.B]].any() else "parabola"

@@ -19,7 +19,7 @@ EVENTS, SINCE = 28, 29  # events since the age SINCE (s)
 LEFT = 30  # the face that the ball has just slid off
 STEP = 31  # s, to try next
 FLOWN = 32  # the edge or corner that the ball has just flown off
-SURE, PUSHED = 33, 34  # s, age up to which nothing can happen to it if nothing pushes harder (m/s^2, along each axis)
+SURE, PUSHED = 33, 34  # s, age up to which nothing can happen to it if nothing pushes harder (m/s^2, along each axis), as last seen
 WIDTH = 37
 
 

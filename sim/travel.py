@@ -132,7 +132,8 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
     how, left, flown, dt = DONE, int(s[LEFT]), int(s[FLOWN]), s[STEP]
-    push, sure = (0.0, 0.0, 0.0), -1.0  # m/s^2, s: up to that age nothing can happen if nothing pushes harder
+    push, sure = (s[PUSHED], s[PUSHED + 1], s[PUSHED + 2]), s[SURE]  # m/s^2, s: up to that age nothing can happen if nothing pushes
+    came = age  # harder, as was seen just now
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):
@@ -175,7 +176,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         free = contacts.held
         if SMALL_STEPS and contacts.count == 0:
             needed = push_of(curve, h, v, v1)
-            if aim > sure or not within(needed, push):
+            if (aim > sure and age != came) or not within(needed, push):
                 push = allowed(needed)
                 sure = age + free_time(features, search, x, v, push, body.radius, AHEAD * h * (norm(v) + norm(push) * h))
             free = aim <= sure

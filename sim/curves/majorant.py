@@ -9,7 +9,7 @@ search ends, and what it may pass is a dip less deep than the noise.
 
 import numpy as np
 
-from sim.curves.cubic import bend, dip, point, value  # bound to the curve's own before they are compiled
+from sim.curves.oscillation import bend, dip, point, value  # bound to the curve's own before they are compiled
 from sim.vector import scale, sub
 
 EPS = np.finfo(float).eps

@@ -11,6 +11,13 @@ def flight(x, v, k, b, w2):
     return x, v, k
 
 
+def as_quintic(curve):
+    """It as a curve of `sim.curves.quintic`."""
+    x, v, k = curve
+    zero = (0.0, 0.0, 0.0)
+    return x, v, scale(0.5, k), zero, zero, zero
+
+
 def point(curve, s):
     x, v, k = curve
     return axpy(s, axpy(0.5 * s, k, v), x)
@@ -52,9 +59,13 @@ def piece(curve, s, end, off):
     The rest of the curve, if it is curved along one axis at most, as paths are; else a chord.
     """
     k = curve[2]
-    if int(k[0] != 0.0) + int(k[1] != 0.0) + int(k[2] != 0.0) <= 1:  # numpy would add truths up to one
+    if is_path(k):
         return end - s, (point(curve, s), slope(curve, s), k), 0.0
     return chord(curve, s, end, off)
+
+
+def is_path(k):
+    return int(k[0] != 0.0) + int(k[1] != 0.0) + int(k[2] != 0.0) <= 1  # numpy would add truths up to one
 
 
 def project(curve, n, p, offset):

@@ -1,8 +1,13 @@
-"""x(s) = x + v s + c s^2 + d s^3 + e s^4 + f s^5 for 0 <= s <= h: the interpolant of a method of order 5."""
+"""x(s) = x + v s + c s^2 + d s^3 + e s^4 + f s^5 for 0 <= s <= h: the interpolant of a method of order 5, and as which that of any
+other is handed on."""
 
 import numpy as np
 
 from sim.curves.cubic import SHORT
+from sim.curves.majorant import chord
+from sim.curves.majorant import fall as search
+from sim.curves.parabola import fall as formula
+from sim.curves.parabola import is_path
 from sim.vector import across, axpy, dot, gap, larger, scale, size, sub
 
 EPS = np.finfo(float).eps
@@ -28,6 +33,10 @@ def flight(x, v, k, b, w2):
     """The curve from position x (m) at velocity v (m/s) under the constant acceleration k (m/s^2)."""
     zero = (0.0, 0.0, 0.0)
     return x, v, scale(0.5, k), zero, zero, zero
+
+
+def as_quintic(curve):
+    return curve
 
 
 def point(curve, s):
@@ -85,6 +94,14 @@ def seen_along(curve, n):
     return across(n, x), across(n, v), across(n, c), across(n, d), across(n, e), across(n, f)
 
 
+def piece(curve, s, end, off):
+    """As of a parabola where it is one, else a chord."""
+    _, _, c, d, e, f = curve
+    if dot(d, d) + dot(e, e) + dot(f, f) == 0.0 and is_path(c):
+        return end - s, (point(curve, s), slope(curve, s), scale(2.0, c)), 0.0
+    return chord(curve, s, end, off)
+
+
 def project(curve, n, p, offset):
     x, v, c, d, e, f = curve
     return gap(n, x, p, offset), dot(n, v), dot(n, c), dot(n, d), dot(n, e), dot(n, f)
@@ -92,6 +109,14 @@ def project(curve, n, p, offset):
 
 def start(line):
     return line[0], line[1], 2.0 * line[2]
+
+
+def fall(line, s, end, below):
+    """By the formula where it is a parabola's."""
+    g, u, c, d, e, f = line
+    if abs(d) + abs(e) + abs(f) == 0.0:
+        return formula((g, u, 2.0 * c), s, end, below)
+    return search(line, s, end, below)
 
 
 def value(line, s):

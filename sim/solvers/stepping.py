@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.curves.cubic import SHORT
+from sim.curves.parabola import as_quintic  # bound to the curve's own before it is compiled
 from sim.handing import carried  # bound to the method's own, where it has one, before it is compiled
 from sim.integrators.symplectic_euler import interpolant  # bound to the method's own before they are compiled
 from sim.motion import acceleration
@@ -15,8 +16,8 @@ SMALL_STEPS = True  # most touch nothing
 
 
 class Steps(NamedTuple):
-    """What a method has of its own. The loops over balls are the same for all methods with the same curve, and compiled once; these
-    functions they are handed."""
+    """What a method has of its own. The loops over balls are the same for all methods, and compiled once; these functions they are
+    handed."""
 
     take: Callable  # of this module
     march: Callable  # of `sim.coast`, as are the next
@@ -26,9 +27,9 @@ class Steps(NamedTuple):
 
 
 def take(h, age, x, v, a, motion):
-    """The curve of a step of h (s) from position x (m), velocity v (m/s) and acceleration a (m/s^2), and these three at its end."""
+    """The curve, a quintic, of a step of h (s) from position x (m), velocity v (m/s) and acceleration a (m/s^2), and these three at its end."""
     x1, v1, a1 = carried(h, age, x, v, a, motion)
-    return interpolant(h, x, v, a, x1, v1), x1, v1, a1
+    return as_quintic(interpolant(h, x, v, a, x1, v1)), x1, v1, a1
 
 
 def goal(age, limit, dt):

@@ -50,9 +50,9 @@ def test_equal_bindings_are_one_kernel():
     names = integrators.names()
     assert kernel("rk4", 0) is kernel("rk4", 0)
     kernels = [kernel(name, n, "original") for name in integrators.fixed() for n in (0, 1, 2)]
-    # the methods with a fixed step share one for each of two curves
+    # the methods with a fixed step share one
     kernels += {kernel(name, 0, "swept") for name in (*names, EXACT)}
-    assert len(kernels) == 3 * len(integrators.fixed()) + 4
+    assert len(kernels) == 3 * len(integrators.fixed()) + 3
     assert kernel(EXACT, 0, "swept") is kernel(EXACT, 2, "swept")
     assert len({kernel.__qualname__ for kernel in kernels}) == len(kernels)
 
