@@ -175,7 +175,7 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
     """A task for each kernel that the runs, and their references, need: first those that have little in common, so that workers
     do not compile the same at the same time. The original's is first of all: what the others have in common, another worker has
     compiled by when it is done."""
-    kernels, alike = {}, Counter()
+    kernels, alike, akin = {}, Counter(), Counter()
     for run, task in zip(runs, tasks):
         kernels.setdefault(kernel_key(run), task)
         if run.setup.reference:
@@ -183,8 +183,10 @@ def _kernels(runs: Sequence[Run], tasks: Sequence[Task]) -> list[Task]:
             kernels.setdefault(kernel_key(exact), task._replace(parameters=exact.parameters))
 
     def rank(key: tuple) -> tuple:
-        alike[key[0]] += 1
-        return alike[key[0]], key[0] != STEPS
+        curve, loop = key[0], key[:2]
+        alike[loop] += 1
+        akin[curve] += alike[loop] == 1
+        return alike[loop], akin[curve], curve != STEPS
 
     return [kernels[key] for key in sorted(kernels, key=rank)]
 
@@ -195,15 +197,16 @@ def _name(kernel: Task) -> str:
 
 
 def kernel_key(run: Run) -> tuple:
-    """What kernel the run needs: runs with the same key share one, those that have the first of it in common share much."""
+    """What kernel the run needs: runs with the same key share one, those that have the first two parts of it in common share nearly
+    all, those that have the first, much."""
     from sim import engines, forces
 
     setup = run.setup
     fields = [field.build(run.folder) for field in setup.scene.forces.values()]
     packed, method = forces.pack(fields, setup.scene.gravity, setup.balls.mass), setup.solver.method
     if setup.solver.contact == "original":
-        return STEPS, method, len(packed.selective)
-    return engines.curve_of(method, packed), method, *engines.bindings(method, packed).values()
+        return STEPS, STEPS, method, len(packed.selective)
+    return engines.curve_of(method, packed), engines.solver_of(method), method, *engines.bindings(method, packed).values()
 
 
 def finish(work: Plan) -> pyarrow.Table:

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 from llvmlite import ir
-from numba.core import cgutils, typed_passes, types, untyped_passes
+from numba.core import cgutils, event, postproc, transforms, typed_passes, types, untyped_passes
+from numba.core import ir as numba_ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import PassManager
@@ -19,7 +20,8 @@ from numba.core.extending import NativeValue, intrinsic, register_model, unbox
 from numba.core.imputils import lower_builtin
 from numba.np import arrayobj
 
-#: Of numba's passes those that our kernels have a use for: they have no closures, no `with`, and no expressions of arrays.
+#: Of numba's passes those that our kernels have a use for: they have no closures, no `with`, no expressions of arrays, and nothing to
+#: count the references of.
 PASSES = (
     untyped_passes.TranslateByteCode,
     untyped_passes.FixupArgs,
@@ -30,7 +32,6 @@ PASSES = (
     untyped_passes.ReconstructSSA,
     typed_passes.NopythonTypeInference,
     typed_passes.PreLowerStripPhis,
-    typed_passes.IRLegalization,
     typed_passes.NativeLowering,
     typed_passes.NoPythonBackend,
 )
@@ -78,19 +79,33 @@ class Plain(Compiler):
         return [passes]
 
     def _compile_bytecode(self):
-        fix, arrayobj.fix_integer_index = arrayobj.fix_integer_index, as_it_is
-        try:
-            with swift():
-                return super()._compile_bytecode()
-        finally:
-            arrayobj.fix_integer_index = fix
+        with swift():
+            return super()._compile_bytecode()
 
 
 @contextmanager
 def swift():
-    """What numba found out once it need not find out again: whether, say, floats can be added, it would ask all that it can add.
-    And what it builds up for a kernel the collector need not look through time and again."""
-    find, collects, known = types.BaseFunction.get_call_type, gc.isenabled(), {}
+    """Around a kernel and all that it calls, numba does without what kernels have no use for, and the collector does not look time and
+    again through what it builds up."""
+    if not gc.isenabled():  # by a `swift` around this one
+        yield
+        return
+    theirs = [getattr(owner, name) for owner, name, _ in OURS]
+    ours = [remembering(each) if make is remembering else make for each, (_, _, make) in zip(theirs, OURS)]
+    gc.disable()
+    for (owner, name, _), each in zip(OURS, ours):
+        setattr(owner, name, each)
+    try:
+        yield
+    finally:
+        for (owner, name, _), each in zip(OURS, theirs):
+            setattr(owner, name, each)
+        gc.enable()
+
+
+def remembering(find):
+    """What numba found out once it need not find out again: whether, say, floats can be added, it would ask all that it can add."""
+    known = {}
 
     def remembered(function, context, arguments, keywords):
         if keywords:
@@ -100,20 +115,48 @@ def swift():
             known[key] = find(function, context, arguments, keywords)
         return known[key]
 
-    if not collects:  # around all that the kernel calls
-        yield
-        return
-    gc.disable()
-    types.BaseFunction.get_call_type = remembered
-    try:
-        yield
-    finally:
-        types.BaseFunction.get_call_type = find
-        gc.enable()
+    return remembered
 
 
 def as_it_is(context, builder, kind, index, size):
+    """An index, which never counts from the end."""
     return context.cast(builder, index, kind, types.intp)
+
+
+def tidy(processor, emit_dels=False, extend_lifetimes=False):
+    """What is left to do after a pass where nobody asks how long variables live."""
+    processor.func_ir.blocks = transforms.canonicalize_cfg(processor.func_ir.blocks)
+    processor.func_ir.generator_info = None
+
+
+def variables(statement, value):
+    """The variables in a value, as numba finds them; most values are none."""
+    if type(value) in NO_VARIABLES:
+        return ()
+    if isinstance(value, numba_ir.Var):
+        return [value]
+    if isinstance(value, numba_ir.Inst):
+        return value.list_vars()
+    if isinstance(value, dict):
+        value = value.values()
+    elif not isinstance(value, (list, tuple)):
+        return ()
+    return [variable for each in value for variable in variables(statement, each)]
+
+
+def unheard(happened):
+    """Nobody listens to how long numba takes for what."""
+
+
+NO_VARIABLES = {str, int, float, bool, type(None), numba_ir.Loc}
+#: What is otherwise while a kernel is compiled.
+OURS = (
+    (types.BaseFunction, "get_call_type", remembering),
+    (arrayobj, "fix_integer_index", as_it_is),
+    (postproc.PostProcessor, "run", tidy),
+    (numba_ir.Inst, "_rec_list_vars", variables),
+    (event, "broadcast", unheard),
+)
 
 
 class Melt(Plain):
@@ -137,7 +180,7 @@ class SetApart(Melt):
 
 @intrinsic
 def prefetch(typing, array, row):
-    """`sim.prefetch.prefetch` as the processor's instruction."""
+    """`sim.instructions.prefetch` as the processor's instruction."""
 
     def lower(context, builder, signature, arguments):
         byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
@@ -151,6 +194,16 @@ def prefetch(typing, array, row):
         return context.get_dummy_value()
 
     return types.void(array, types.intp), lower
+
+
+@intrinsic
+def lowest_bit(typing, mask):
+    """`sim.instructions.lowest_bit` as the processor's instruction."""
+
+    def lower(context, builder, signature, arguments):
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return mask(mask), lower
 
 
 class Entry:

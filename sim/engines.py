@@ -184,7 +184,7 @@ def entries(method: str, few: bool, compiled: bool = True, **names) -> stepping.
 def bindings(method: str, packed: forces.Forces) -> dict:
     """What the names in the kernel `travel` stand for with this method and these fields."""
     curve = curve_of(method, packed)
-    solver = method if method == "exact" else "adaptive" if integrators.load(method)[0].adaptive else "stepping"
+    solver = solver_of(method)
     names = steps(method) if solver == "adaptive" else {}
     names |= {"acceleration": motion.acceleration, "rates": motion.rates, "fall": majorant.fall, "piece": majorant.chord}
     names["HOPS"] = method == "exact" and curve == "parabola"
@@ -195,6 +195,11 @@ def of_module(name: str, wanted: tuple) -> dict:
     """Those of the names `wanted` that a module of `sim` has."""
     found = vars(importlib.import_module(f"sim.{name}"))
     return {name: found[name] for name in wanted if name in found}
+
+
+def solver_of(method: str) -> str:
+    """The module of `sim.solvers` that the method needs."""
+    return method if method == "exact" else "adaptive" if integrators.load(method)[0].adaptive else "stepping"
 
 
 def curve_of(method: str, packed: forces.Forces) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from sim.prefetch import prefetch
+from sim.instructions import lowest_bit, prefetch
 
 
 @cache
@@ -75,10 +75,10 @@ def typed(values: tuple) -> tuple:
 
 @cache
 def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = True) -> Callable:
-    if compiled and function is prefetch:
+    if compiled and function in (prefetch, lowest_bit):
         from sim import compiler
 
-        return compiler.prefetch
+        return getattr(compiler, function.__name__)
     bound, globals_ = dict(names), dict(function.__globals__)
     for name in function.__code__.co_names:
         value = bound.get(name, globals_.get(name))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.prefetch import prefetch
+from sim.instructions import lowest_bit, prefetch
 from sim.tree import FACE, WIDE
 
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
@@ -71,18 +71,26 @@ def onward(tree, ray, reach, search, top, first):
             meet(tree.box, tree.level[depth] + group, ray, reach, stay)
         if depth == 0:
             sieve(tree.box, tree.plane, group, ray, reach, stay)
-        for c in range(WIDE):
-            near, far, child = stay[c], stay[WIDE + c], WIDE * group + c
-            if near > far:
-                continue
+        mask = met(tree.box, stay)
+        while mask != 0:
+            c = lowest_bit(mask)
+            mask &= mask - 1
             if depth == 0:
-                found[last], since[last], until[last] = rank(tree, group, c), near, far
+                found[last], since[last], until[last] = rank(tree, group, c), stay[c], stay[WIDE + c]
                 last += 1
-                continue
-            top = line_up(tree, search, bottom, top, depth - 1, child, near)
+            else:
+                top = line_up(tree, search, bottom, top, depth - 1, WIDE * group + c, stay[c])
         if last > first:
             return top, last
     return 0, first
+
+
+def met(box, stay):
+    """The boxes of a group that the ray comes to, a bit for each."""
+    mask = np.int64(0)
+    for c in range(box.shape[2]):
+        mask |= np.int64(1) << c if stay[c] <= stay[WIDE + c] else np.int64(0)
+    return mask
 
 
 def line_up(tree, search, bottom, top, depth, group, near):
@@ -99,6 +107,7 @@ def line_up(tree, search, bottom, top, depth, group, near):
     if depth == 0:
         for k in range(5):
             prefetch(tree.plane[group], k)
+        prefetch(tree.ranks, group)
     return top + 1
 
 

@@ -8,11 +8,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from runner import machine, record
+from runner.bench import plain_files
 from runner.bench.apart import apart
 from runner.bench.command import Spent, carom, write_experiment
 from runner.bench.figure import Figure
 from runner.config import load
 from runner.execute import run
+from runner.result import Result
 
 FEW, MANY = 100, 1000  # runs of two sweeps, whose difference is free of what a sweep costs by itself
 REPEATS = 2
@@ -30,9 +32,10 @@ def _costs(few: int, many: int) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with apart() as call:
-            writers, simulating = call(writing, write_experiment(folder / "bare.yaml", few))
+            writers, plain, simulating = call(writing, write_experiment(folder / "bare.yaml", few))
         yield Figure("a run's two files written bare, in one process, wall clock", 1e3 * writers.wall, "ms")
         yield Figure("a run's two files written bare, in one process, CPU", 1e3 * writers.cpu, "ms")
+        yield Figure("the same numbers written by plain calls of h5py and rerun, CPU", 1e3 * plain.cpu, "ms")
         yield Figure("a run's simulation alone, in one process, CPU", 1e3 * simulating, "ms")
         spent = {}
         for jobs in (1, 2):
@@ -45,6 +48,7 @@ def _costs(few: int, many: int) -> Iterator[Figure]:
             against = jobs * spent[jobs].wall / writers.wall, spent[jobs].cpu / writers.cpu
             yield Figure(f"a run of a worker against its files bare, {workers}, wall clock", against[0], "")
             yield Figure(f"a run against its files bare, {workers}, CPU of all processes", against[1], "")
+            yield Figure(f"a run against plain calls, {workers}, CPU of all processes", spent[jobs].cpu / plain.cpu, "")
         yield Figure("efficiency of 2 workers", spent[1].wall / spent[2].wall / 2, "")
         parent = sweeps[1].peak_memory
         yield Figure(f"the parent's peak memory at {many:,} runs", parent / 1e6, "MB")
@@ -59,22 +63,32 @@ def _fastest(folder: Path, runs: int, jobs: int) -> Spent:
     return min(carom(*command, f"{jobs}-{repeat}", cwd=folder, telling=True) for repeat in range(REPEATS))
 
 
-def writing(file: Path) -> tuple[Spent, float]:
-    """What it takes to write the two files of a run, and to simulate it (s, CPU): means over the runs of the experiment.
+def writing(file: Path) -> tuple[Spent, Spent, float]:
+    """What it takes to write the two files of a run, carom's and plainly, and to simulate it (s, CPU): means over the runs of the
+    experiment.
 
     They are simulated first, and written one after the other, as in a sweep none is written twice: what a writer has just seen
     costs it less. That again and again; the least of some means.
     """
     results = [run(each) for each in load(file).runs()]
     writers = [record.load(name) for name in results[0].parameters["record"]["formats"]]
+
+    def bare(result: Result, made: Path) -> None:
+        for writer in writers:
+            writer.write(result, made / writer.FILE)
+
+    simulating = sum(result.summary["sim_seconds"] for result in results) / len(results)
+    return *(_least(write, results, file.parent) for write in (bare, plain_files.write)), simulating
+
+
+def _least(write: Callable[[Result, Path], None], results: list[Result], folder: Path) -> Spent:
     means = []
     for repeat in range(1 + REPEATS):
         wall, cpu = time.perf_counter(), time.process_time()
         for result in results:
-            made = file.parent / f"written-{repeat}" / result.run_id
+            made = folder / f"{write.__name__}-{repeat}" / result.run_id
             made.mkdir(parents=True)
-            for writer in writers:
-                writer.write(result, made / writer.FILE)
+            write(result, made)
         spent = (each / len(results) for each in (time.perf_counter() - wall, time.process_time() - cpu))
         means.append(Spent(*spent, machine.peak_memory()))
-    return min(means), sum(result.summary["sim_seconds"] for result in results) / len(results)
+    return min(means)

@@ -4,20 +4,24 @@ import importlib
 import json
 import os
 import shutil
+from collections import Counter
 from contextlib import contextmanager
 from importlib.util import find_spec
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Page
+from rerun.chunk import RrdReader
 
-from runner import bench
-from runner.bench import apart, command, curves, kernels, layout, peers, scaling, startup, sweeps, threads
+from runner import bench, record
+from runner.bench import apart, command, curves, kernels, layout, peers, plain_files, scaling, startup, sweeps, threads
 from runner.bench.figure import Figure
 from runner.bench.kernels import Case
 from runner.bench.peers import _work
 from runner.errors import RunError
+from runner.execute import run
 from sim import integrators
 from sim.model import Balls
 from sim.simulate import Simulation, Solver
@@ -111,13 +115,14 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_measured(here,
 def test_the_cost_of_a_run_is_free_of_what_a_sweep_costs_by_itself(monkeypatch):
     calls = []
     monkeypatch.setattr(sweeps, "apart", directly)
-    monkeypatch.setattr(sweeps, "writing", lambda *_: (command.Spent(0.004, 0.003, 0), 0.0005))
+    monkeypatch.setattr(sweeps, "writing", lambda *_: (command.Spent(0.004, 0.003, 0), command.Spent(0.01, 0.012, 0), 0.0005))
     monkeypatch.setattr(sweeps, "carom", clocked(2.0, 0.006, calls))
     figures = {figure.what: figure.value for figure in sweeps.costs(print, 10, 1000)}
     assert figures["a run, 1 worker, wall clock"] == pytest.approx(6.0)
     assert figures["runs, 2 workers"] == pytest.approx(1000 / 3)
     assert figures["a run of a worker against its files bare, 2 workers, wall clock"] == pytest.approx(1.5)
     assert figures["a run against its files bare, 1 worker, CPU of all processes"] == pytest.approx(2.0)
+    assert figures["a run against plain calls, 1 worker, CPU of all processes"] == pytest.approx(0.5)
     assert figures["a run's simulation alone, in one process, CPU"] == pytest.approx(0.5)
     assert figures["efficiency of 2 workers"] == pytest.approx(1.0)
     assert figures["the parent's peak memory at 10,000 runs, reckoned from its growth"] == pytest.approx(110.0)
@@ -126,11 +131,33 @@ def test_the_cost_of_a_run_is_free_of_what_a_sweep_costs_by_itself(monkeypatch):
 
 def test_writing_bare_writes_both_files_of_each_run(tmp_path):
     file = command.write_experiment(tmp_path / "10.yaml", 10)
-    spent, simulating = sweeps.writing(file)
-    written = sorted(path.relative_to(tmp_path).parts[1:] for path in tmp_path.glob("written-*/*/*"))
+    spent, plain, simulating = sweeps.writing(file)
+    written = sorted(path.relative_to(tmp_path).parts[1:] for path in tmp_path.glob("bare-*/*/*"))
     each = [(run.run_id, name) for run in sweeps.load(file).runs() for name in ("recording.rrd", "trajectory.h5")]
     assert written == sorted(each * (1 + sweeps.REPEATS))
-    assert 0 < spent.wall < 10 and spent.cpu > 0 and 0 < simulating < 10
+    assert all(0 < each.wall < 10 and each.cpu > 0 for each in (spent, plain)) and 0 < simulating < 10
+
+
+def test_plain_calls_write_the_numbers_that_carom_writes(tmp_path):
+    result = run(next(iter(sweeps.load(command.write_experiment(tmp_path / "1.yaml", 1)).runs())))
+    plain_files.write(result, tmp_path)
+    for name in ("hdf5", "rrd"):
+        record.load(name).write(result, tmp_path / record.load(name).FILE)
+    with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "trajectory.h5") as ours:
+        for name in ("position", "velocity"):
+            assert np.array_equal(plain[f"particles/balls/{name}"][:], ours[f"particles/balls/{name}/value"][:], equal_nan=True)
+        for name in ("bounces", "rests"):
+            assert np.array_equal(plain[f"events/{name}"][:], ours[f"events/{name}"][:])
+    for entity in ("/balls", "/bounces", "/energy", "/scene/floor", "/trails"):
+        assert rows(tmp_path / "plain.rrd")[entity] == rows(tmp_path / "recording.rrd")[entity]
+
+
+def rows(path):
+    """How many of them an entity has that changes with time."""
+    counts = Counter()
+    for chunk in RrdReader(path).store().stream().to_chunks():
+        counts[chunk.entity_path] = max(counts[chunk.entity_path], chunk.num_rows)
+    return counts
 
 
 @pytest.mark.parametrize("runs", [1, 10, 100])

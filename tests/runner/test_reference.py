@@ -150,10 +150,11 @@ def test_runs_with_the_same_key_share_a_kernel_and_no_others(here):
 
 def test_kernels_with_little_in_common_are_compiled_first():
     runs = list(load(SMOKE, {"reference": None}).runs())
-    curves = [sweeping.kernel_key(run)[0] for run in sweeping._kernels(runs, runs)]
-    kinds = len(set(curves))
-    assert len(curves) == len(runs) > kinds == len(set(curves[:kinds]))
-    assert curves[0] == sweeping.STEPS
+    keys = [sweeping.kernel_key(run) for run in sweeping._kernels(runs, runs)]
+    assert keys[0][0] == sweeping.STEPS
+    for shared in (1, 2):  # the curve, and the loop over balls
+        kinds = len({key[:shared] for key in keys})
+        assert len(keys) == len(runs) > kinds == len({key[:shared] for key in keys[:kinds]})
 
 
 def test_the_references_kernel_is_compiled_beforehand(here, inline, monkeypatch):
