@@ -10,12 +10,13 @@ from sim.curves.majorant import stride
 from sim.curves.parabola import bends  # bound to the curve's own before they are compiled
 from sim.forces import HIGH, LOW
 from sim.model import FASTEST
-from sim.packed import NORMAL, from_edge, height, vector
+from sim.packed import NORMAL, axis_of, from_edge, height, segments, vector
 from sim.vector import axpy, dot, larger, norm, scale, size, sub, within
 from sim.walk import distance
 
 AHEAD, FARTHEST = 16.0, 64.0  # times the way of a step: how far around to look first, and at most; more takes longer than it spares
 SPARE, ASIDE = 1.25, 1 / 64  # of the push now, and of all of it along each axis: as much is allowed for
+FEW = 32  # features that are looked at one by one, for what each tells, and not in a tree, which tells the distance alone
 SURE = 1e-9  # share of a distance or time that is left to rounding
 
 
@@ -45,8 +46,9 @@ def touchless(features, search, x, v, push, radius, look):
     """The time that no touch ends."""
     unsure = SURE * (radius + abs(x[0]) + abs(x[1]) + abs(x[2]))
     slack = radius + unsure
-    few = len(features.tree.items) == 0
-    soonest = among(features, search.found, len(search.found) if few else features.everywhere, x, v, push, slack, unsure)
+    count = len(features.faces) + len(features.edges)
+    few = count <= FEW or len(features.tree.items) == 0
+    soonest = among(features, count if few else features.everywhere, x, v, push, slack, unsure)
     if few:
         return soonest
     gap = distance(features.tree, x, radius + look, search)
@@ -54,16 +56,15 @@ def touchless(features, search, x, v, push, radius, look):
     return min(till * (1.0 - SURE), soonest)
 
 
-def among(features, found, near, x, v, push, slack, unsure):
-    """`free_time` from the first `near` features in `found`, which are to be farther than `slack` (m), known to half of `unsure` (m);
-    of a face from its whole plane.
+def among(features, count, x, v, push, slack, unsure):
+    """`free_time` from the first `count` features, which are to be farther than `slack` (m), known to half of `unsure` (m).
 
     One that a ball gets away from it does not touch before it turns, so that it may be in touch with an edge, to what is unsure,
-    and anywhere beside a face, to whose plane it has to come down again.
+    and anywhere beside a face, to whose plane it has to come down again; with its foot on the face.
     """
     n, soonest, speed, most = len(features.faces), np.inf, norm(v), norm(push)
-    for c in range(near):
-        i = found[c]
+    bounded = len(features.outline) > n
+    for i in range(count):
         if i < n:
             normal = vector(features.faces, i, NORMAL)
             gap, rise, pull = height(features.faces, i, x), dot(normal, v), dot(size(normal), push)
@@ -73,13 +74,41 @@ def among(features, found, near, x, v, push, slack, unsure):
             gap, pull, least = norm(off), most, -2.0 * unsure
             rise = dot(off, v) / gap if gap > unsure else -speed
         gap = gap * (1.0 - SURE) - slack
-        if gap <= 0.0 and (gap < least or rise <= 0.0):
+        till = 0.0
+        if gap > 0.0 or (gap >= least and rise > 0.0):
+            # a bound like that, above zero now and then, is so in between, too: of most features no root is needed
+            if gap + soonest * (rise - 0.5 * pull * soonest) > 0.0:
+                continue
+            till = stride(gap, rise, pull, 0.0) if gap > 0.0 else back(gap, rise, pull)
+        if bounded and i < n and till < soonest:
+            till = max(till, off_face(features, i, x, v, push, unsure))
+        if till <= 0.0:
             return 0.0
-        # a bound like that, above zero now and then, is so in between, too: of most features no root is needed
-        if gap + soonest * (rise - 0.5 * pull * soonest) > 0.0:
-            continue
-        soonest = min(soonest, stride(gap, rise, pull, 0.0) if gap > 0.0 else back(gap, rise, pull))
+        soonest = min(soonest, till)
     return soonest * (1.0 - SURE)
+
+
+def off_face(features, f, x, v, push, unsure):
+    """The time (s) that the foot of a ball on the plane of face f is at least beside the bounds of its outline."""
+    first, last = segments(features.faces, features.outline, f)
+    if first == last:
+        return 0.0
+    low, high = (np.inf, np.inf), (-np.inf, -np.inf)
+    for k in range(first, last):
+        u, w = features.outline[k, 0], features.outline[k, 1]
+        low, high = (min(low[0], u), min(low[1], w)), (max(high[0], u), max(high[1], w))
+    normal = vector(features.faces, f, NORMAL)
+    foot, way = axpy(-height(features.faces, f, x), normal, x), axpy(-dot(normal, v), normal, v)
+    unsure += SURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
+    axis, till = int(axis_of(features.faces, features.outline, f)), 0.0
+    for k in range(2):
+        c = (axis + 1 + k) % 3
+        over = foot[c] - high[k]
+        gap, rise = (over, way[c]) if over > 0.0 else (low[k] - foot[c], -way[c])
+        pull = push[c] + abs(normal[c]) * dot(size(normal), push)
+        if gap > unsure:
+            till = max(till, stride(gap - unsure, rise, pull, 0.0))
+    return till
 
 
 def back(gap, rise, pull):

@@ -7,18 +7,20 @@ from sim import coast, engines, forces, jit, travel
 from sim.forces import Drag, Spring, Uniform
 from sim.shapes import Heightfield, Rectangle
 from sim.simulate import Scene, Simulation, Solver
-from tests.sim.helpers import CORRIDOR, LIFT, balls
+from tests.sim.helpers import CORRIDOR, LIFT, balls, soup
 from tests.sim.test_hop import MANY, ROOM, check_same, start
 
 HILLS = Heightfield((8, 8), (20, 20), "-2.5+0.4*sin(2*x)*cos(2*z)")
 AIR = {"air": Drag(0.3), "well": Spring(4.0, (0.0, 0.5, 0.0))}
 GUST = {"gust": Drag(0.5, region={"y": (-0.5, 0.5)}), "pull": Spring(3.0, until=0.7), "corridor": CORRIDOR, "lift": LIFT}
 
+CORNERED = balls(np.full((70, 3), -1.3), start(70).velocity)  # where there are no plates
 SCENES = {
     "elastic": (Scene(surfaces={"room": ROOM}, restitution=1.0, damping=0.0), start(MANY)),
     "emitted": (Scene(surfaces={"room": ROOM}), start(MANY, released=0.0173 * (np.arange(MANY) % 40), lifetime=1.31)),
     "resting": (Scene(surfaces={"room": ROOM}, restitution=0.3, damping=0.2), start(70, speed=1.0)),
     "edges": (Scene(surfaces={"room": ROOM, "shelf": Rectangle((0, -1.45, 0), (0, 1, 0), (1, 1))}), start(70)),
+    "plates": (Scene(surfaces={"room": ROOM, "plates": soup(4, 6)}, restitution=1.0, damping=0.0), CORNERED),
     "tree": (Scene(surfaces={"hills": HILLS}), start(70)),
     "everywhere": (Scene(surfaces={"room": ROOM}, forces=AIR), start(70)),
     "somewhere": (Scene(surfaces={"room": ROOM}, forces=GUST), start(70)),
