@@ -31,6 +31,7 @@ from sim.state import (
     V,
     X,
     fill,
+    fill_rest,
     steady_work,
 )
 from sim.touch import NONE, first_fall, lands
@@ -92,6 +93,8 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
                         continue
                     state = KEPT
             leave(states, lanes, i, state)
+            if state == KEPT:
+                finish(states, first, lanes, i, body, record)
             upcoming = board(states, upcoming, lanes, i, record)
             aboard += lanes[BALL + i] != NONE
         for j in range(KEPT):
@@ -129,6 +132,17 @@ def leave(states, lanes, i, state):
     s[AGE], s[WORK], s[LOST] = lanes[state + CLOCK + i], lanes[state + WORKED + i], lanes[state + GONE + i]
     s[EVENTS], s[SINCE] = lanes[state + COUNTED + i], lanes[state + COUNTED_FROM + i]
     s[STEPS] += lanes[TAKEN + i]
+
+
+def finish(states, first, lanes, i, body, record):
+    """Record the ball that was in lane i up to the end of its flight in the frames from there on; where one is not good, `fly` is to
+    tell."""
+    ball = int(lanes[BALL + i])
+    s = states[ball]
+    place, speed = lane(lanes, KEPT + PLACE, i), lane(lanes, KEPT + SPEED, i)
+    frame = fill_rest(s, int(s[FRAME]), first + ball, place, speed, body.lifetime, record)
+    if frame == len(record.time):
+        s[FRAME] = frame
 
 
 def curve_in(lanes, i, pull):
@@ -216,7 +230,7 @@ def lands_in(lanes, i, features, pull):
 
 
 def show(states, first, lanes, i, mover, mass, record):
-    """Record the frames on the way of the ball in lane i; returns whether all are good, and it is to go on."""
+    """Record the frames on the way of the ball in lane i; returns whether all are good, and there are more to come."""
     ball = int(lanes[BALL + i])
     frame, frames, released = int(states[ball, FRAME]), len(record.time), lanes[BORN + i]
     x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
@@ -227,9 +241,10 @@ def show(states, first, lanes, i, mover, mass, record):
         if not fill(record, frame, first + ball, xu, vu, worked, lanes[GONE + i]):
             return False
         frame += 1
+    states[ball, FRAME] = frame
     if frame == frames:
         return False
-    states[ball, FRAME], lanes[DUE + i] = frame, record.time[frame] - released
+    lanes[DUE + i] = record.time[frame] - released
     return True
 
 

@@ -8,7 +8,7 @@ from sim.model import FASTEST
 from sim.rest import Contacts
 from sim.solvers.exact import squared_speed  # bound to the solver's own before it is compiled
 from sim.touch import NONE
-from sim.vector import dot, sub
+from sim.vector import ROUNDING, dot, sub
 
 MOST_EVENTS = 1_000_000  # of a ball within a second; more is a pile-up that may never end
 
@@ -62,6 +62,22 @@ def skip(record, frame, ball):
     for k in range(3):
         record.position[frame, ball, k], record.velocity[frame, ball, k] = np.nan, np.nan
     record.work[frame, ball], record.lost[frame, ball] = 0.0, 0.0
+
+
+def fill_rest(s, frame, ball, x, v, lifetime, record):
+    """Record a ball whose flight is over, at x with velocity v, in all frames from number `frame` on: the first may be at its very end.
+
+    Returns their number, or that of the first which is not good.
+    """
+    while frame < len(record.time):
+        if record.time[frame] - s[RELEASED] < lifetime - ROUNDING * record.time[frame]:
+            if not fill(record, frame, ball, x, v, s[WORK], s[LOST]):
+                return frame
+        else:
+            skip(record, frame, ball)
+            record.work[frame, ball], record.lost[frame, ball] = s[WORK], s[LOST]
+        frame += 1
+    return frame
 
 
 def load_contacts(s):

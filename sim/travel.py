@@ -72,6 +72,7 @@ from sim.state import (
     X,
     count_event,
     fill,
+    fill_rest,
     load_contacts,
     save_contacts,
     skip,
@@ -267,16 +268,9 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
             how = READY
             break
 
-    # the flight is over: the last frame may be at its very end
-    while how == DONE and frame < frames:
-        if record.time[frame] - released < body.lifetime - ROUNDING * record.time[frame]:
-            if not fill(record, frame, ball, x, v, s[WORK], s[LOST]):
-                how = DIVERGED
-                break
-        else:
-            skip(record, frame, ball)
-            record.work[frame, ball], record.lost[frame, ball] = s[WORK], s[LOST]
-        frame += 1
+    if how == DONE and frame < frames:  # the flight is over
+        frame = fill_rest(s, frame, ball, x, v, body.lifetime, record)
+        how = DONE if frame == frames else DIVERGED
     for k in range(3):
         s[X + k], s[V + k], s[PUSHED + k] = x[k], v[k], push[k]
     s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP], s[SURE] = age, frame, left, flown, dt, sure
