@@ -163,15 +163,22 @@ def look(lanes, faces, radius, pull):
 def look_at(lanes, faces, f, side, radius, pull):
     """The same for one side of a face; for less where it lies across an axis or nothing pulls toward it."""
     normal, place = scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT)
-    push = dot(normal, pull)
-    for k in range(3):
-        if abs(normal[k]) == 1.0 and dot(normal, normal) == 1.0:
-            look_across(lanes, f, k, normal, place[k], push, radius)
-            return
+    push, k = dot(normal, pull), across_axis(normal)
+    if k != NONE:
+        look_across(lanes, f, k, normal, place[k], push, radius)
+        return
     for i in range(LANES):
         x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
         line = gap(normal, x, place, radius), dot(normal, v), push
         keep_first(lanes, i, f, normal, first_fall(line, radius, np.inf))
+
+
+def across_axis(normal):
+    """The axis along which a unit vector is; NONE if none."""
+    for k in range(3):
+        if abs(normal[k]) == 1.0 and dot(normal, normal) == 1.0:
+            return k
+    return NONE
 
 
 def look_across(lanes, f, k, normal, place, push, radius):
@@ -259,8 +266,19 @@ def check(lanes, faces):
     """Leave those hops to `fly` whose end is behind a face, or too near to tell: a touch never lets that happen, so it is looked
     for apart from it."""
     for f in range(len(faces)):
-        two_sided = faces[f, SIDES] > 1.0
-        for i in range(LANES):
-            h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, KEPT + PLACE, i))
-            through = ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h <= 0.0) & (h1 >= 0.0))
-            lanes[PLAIN + i] = 0.0 if through else lanes[PLAIN + i]
+        two_sided, normal, place = faces[f, SIDES] > 1.0, vector(faces, f, NORMAL), vector(faces, f, POINT)
+        k = across_axis(normal)
+        if k != NONE:
+            n, p, row = normal[k], place[k], PLACE + k * LANES
+            for i in range(LANES):
+                keep_plain(lanes, i, n * (lanes[row + i] - p), n * (lanes[KEPT + row + i] - p), two_sided)
+        else:
+            for i in range(LANES):
+                h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, KEPT + PLACE, i))
+                keep_plain(lanes, i, h, h1, two_sided)
+
+
+def keep_plain(lanes, i, h, h1, two_sided):
+    """Have the hop in lane i be plain no more if it leads through a plane, from the height h to h1 (m)."""
+    through = ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h <= 0.0) & (h1 >= 0.0))
+    lanes[PLAIN + i] = 0.0 if through else lanes[PLAIN + i]
