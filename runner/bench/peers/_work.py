@@ -13,7 +13,7 @@ from runner.bench.scenes import SIDE
 from sim.simulate import Flight
 
 GRAVITY = 9.8  # m/s^2, along -y
-REPEATS = 3
+REPEATS = 12
 
 
 @dataclass(frozen=True)
