@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import shutil
+import time
 from collections import Counter
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -32,6 +33,24 @@ PEERS = [
     for name in peers.names()
     for k in range(len(importlib.import_module(f"runner.bench.peers.{name}").PEERS))
 ]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def briefly():
+    """Nothing is repeated for the sake of a steady figure."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "SPREAD", 0.0)
+        yield
+
+
+def test_what_is_short_is_repeated_for_longer_and_what_is_long_less_often(monkeypatch):
+    monkeypatch.setattr(kernels, "SPREAD", 0.05)
+    monkeypatch.setattr(kernels, "PATIENCE", 0.1)
+    for seconds, least, most in ((0.001, 6, 60), (0.04, 1, 4)):
+        calls = []
+        kernels.fastest(lambda: calls.append(time.sleep(seconds)))
+        assert least <= len(calls) <= most
+
 
 
 @contextmanager
