@@ -17,8 +17,8 @@ from sim.curves.majorant import MOST, PATIENCE, polish, stride
 # bound to the curve's own before they are compiled
 from sim.curves.parabola import bend, fall, piece, point, project, seen_along, seen_from, slope, start
 from sim.curves.stays_off import stays_off
-from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.instructions import prefetch
+from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
 from sim.walk import cast, enter, onward
 

@@ -133,8 +133,8 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
     contacts = load_contacts(s)
     mover = motion(age, x, v, forces, contacts)
     how, left, flown, dt = DONE, int(s[LEFT]), int(s[FLOWN]), s[STEP]
-    push, sure = (s[PUSHED], s[PUSHED + 1], s[PUSHED + 2]), s[SURE]  # m/s^2, s: up to that age nothing can happen if nothing pushes
-    came = age  # harder, as was seen just now
+    # m/s^2, s: up to that age nothing can happen if nothing pushes harder, as was seen just now, at the age it came with
+    push, sure, came = (s[PUSHED], s[PUSHED + 1], s[PUSHED + 2]), s[SURE], age
     a, known = (0.0, 0.0, 0.0), False  # m/s^2, here, and whether it is left from the last step
     while frame < frames and age < end_of_flight:
         if budget <= 0 or rows + 2 > len(log):

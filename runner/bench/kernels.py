@@ -95,8 +95,8 @@ def measure(case: Case) -> Speed:
 
 
 def fastest(run: Callable[[], Any], clock: Callable[[], float] = time.process_time) -> tuple[Any, float]:
-    """What run() gives, and the seconds of the fastest of some calls: of the processor, which others at work disturb less, but
-    disturb it for longer than a short call."""
+    """What run() gives, and the seconds of the fastest of some calls: of the processor, which others at work disturb less; since they
+    do so for longer than a short call takes, there are more of those."""
     taken, start, spent = [], time.perf_counter(), 0.0
     while spent < PATIENCE and (len(taken) < REPEATS or spent < SPREAD):
         begin = clock()

@@ -27,7 +27,8 @@ class Steps(NamedTuple):
 
 
 def take(h, age, x, v, a, motion):
-    """The curve, a quintic, of a step of h (s) from position x (m), velocity v (m/s) and acceleration a (m/s^2), and these three at its end."""
+    """The curve, a quintic, of a step of h (s) from position x (m), velocity v (m/s) and acceleration a (m/s^2), and these three at its
+    end."""
     x1, v1, a1 = carried(h, age, x, v, a, motion)
     return as_quintic(interpolant(h, x, v, a, x1, v1)), x1, v1, a1
 

@@ -52,7 +52,6 @@ def test_what_is_short_is_repeated_for_longer_and_what_is_long_less_often(monkey
         assert least <= len(calls) <= most
 
 
-
 @contextmanager
 def directly():
     """Stands for `apart`, in this process."""
