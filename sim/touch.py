@@ -20,7 +20,7 @@ from sim.curves.stays_off import stays_off
 from sim.instructions import prefetch
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, covers, from_edge, height, vector
 from sim.vector import across, axpy, cross, dot, norm, scale, sub
-from sim.walk import cast, enter, onward
+from sim.walk import cast, enter, onward, ray_size
 
 EPS = np.finfo(float).eps
 NONE = -1
@@ -52,7 +52,7 @@ def first_touch(curve, features, search, radius, end, contacts, left):
         chords += 1
         length, path, margin = piece(curve, s, best, OFF * radius)
         ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
-        top, done, count = enter(tree, search), always, always
+        top, done, count = enter(tree, search, ray_size(ray)), always, always
         while top > 0 or done < count:
             first = count
             if top > 0:  # those found before are looked at while the next are on their way into the cache

@@ -42,16 +42,18 @@ def along(tree, path, reach, radius, margin, search, first):
     """
     if len(tree.items) == 0:
         return len(search.found)
-    ray, top = cast(path, reach, radius, margin, False, tree.extent), enter(tree, search)
+    ray = cast(path, reach, radius, margin, False, tree.extent)
+    top = enter(tree, search, ray_size(ray))
     while top > 0:
         top, first = onward(tree, ray, reach, search, top, first)
     return first
 
 
-def enter(tree, search):
-    """Put the root on the stack of groups; returns how many are on it."""
+def enter(tree, search, size):
+    """Put the root on the stack of groups; returns how many are on it: none where `size`, of the numbers that boxes are held against,
+    is not finite. A ball that has diverged would be at the empty places of groups, too, and be led out of the tree."""
     search.stack[0], search.stack[1], search.waits[0] = len(tree.level) - 2, 0, 0.0
-    return 1
+    return 1 if size < np.inf else 0
 
 
 def onward(tree, ray, reach, search, top, first):
@@ -162,6 +164,12 @@ def cast(path, reach, radius, margin, slides, extent):
     )
 
 
+def ray_size(ray):
+    """The size of all numbers of the path, and of how far the ball may be off it."""
+    x, v = ray.x, ray.v
+    return abs(x[0]) + abs(x[1]) + abs(x[2]) + abs(v[0]) + abs(v[1]) + abs(v[2]) + abs(ray.k) + ray.slack
+
+
 def inverse(v):
     """1/v (s/m), and never infinite, which makes NaN with 0."""
     return np.float32(1.0 / v if abs(v) > TINY else HUGE)
@@ -253,7 +261,8 @@ def distance(tree, x, reach, search):
     """A lower bound (m) of the distance from x to any item, and `reach` (m) if that is less."""
     stack, waits, stay = search.stack, search.waits, search.stay
     fuzz = np.float32(SINGLE * (max(abs(x[0]), max(abs(x[1]), abs(x[2]))) + reach))
-    place, least, top = (np.float32(x[0]), np.float32(x[1]), np.float32(x[2])), np.float32(reach), enter(tree, search)
+    place, least = (np.float32(x[0]), np.float32(x[1]), np.float32(x[2])), np.float32(reach)
+    top = enter(tree, search, abs(place[0]) + abs(place[1]) + abs(place[2]))
     while top > 0:
         top -= 1
         if waits[top] >= least:

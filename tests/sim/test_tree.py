@@ -111,13 +111,29 @@ def test_what_comes_first_is_found_first():
     low = np.outer(np.random.default_rng(0).permutation(n), (1.0, 0.0, 0.0))
     tree, room = build(low, low + 0.5), search_room(n)
     with np.errstate(invalid="ignore"):
-        ray, top = cast(((-1.0, 0.2, 0.2), (1.0, 0.0, 0.0), STILL), 1e4, 0.0, 0.0, False, tree.extent), enter(tree, room)
+        ray, top = cast(((-1.0, 0.2, 0.2), (1.0, 0.0, 0.0), STILL), 1e4, 0.0, 0.0, False, tree.extent), enter(tree, room, 1.0)
         top, count = onward(tree, ray, 1e4, room, top, 0)
         nearest = room.times[:count].min()
         assert 1.0 - 5e-6 <= nearest <= 1.0  # in single precision, and not too late
         while top > 0:
             top, count = onward(tree, ray, nearest, room, top, count)
     assert count <= WIDE
+
+
+@pytest.mark.parametrize("n", [WIDE + 1, 300])  # so that groups have empty places
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan, 1e300])
+def test_a_ball_that_has_diverged_meets_nothing(n, bad):
+    """In plain Python, which tells where a search is led out of the tree."""
+    tree, x, way = build(*boxes("any", n, np.random.default_rng(5))), (0.1, 0.2, 0.3), (1.0, 0.5, 0.2)
+    assert len(search(tree, n, x, way, margin=3.0, compiled=False)[0]) > 0
+    for k in range(3):
+        wrong = [tuple(bad if j == k else c for j, c in enumerate(vector)) for vector in (x, way, STILL)]
+        for given in ((wrong[0], way), (x, wrong[1])):
+            assert len(search(tree, n, *given, compiled=False)[0]) == 0
+        assert len(search(tree, n, x, way, 1.0, bend=wrong[2], compiled=False)[0]) == 0
+        with np.errstate(invalid="ignore", over="ignore"):
+            assert distance(tree, wrong[0], 2.0, search_room(n)) == 2.0
+    assert len(search(tree, n, x, way, margin=abs(bad), compiled=False)[0]) == 0
 
 
 def test_every_box_is_in_the_tree_once():
