@@ -1,5 +1,7 @@
 """What happens to balls, written down by the kernels: a row for each impact and each coming to rest."""
 
+import weakref
+from collections import defaultdict
 from typing import NamedTuple
 
 import numpy as np
@@ -17,20 +19,25 @@ BALLS = 2**24
 
 LEAST = 4096  # rows worth a call of a kernel
 FIRST, MOST = 2 * LEAST, 2**18  # rows made at once: larger pieces of memory come cheaper, if they are needed
+SPARE = 4  # pieces of a size that are kept for the next logs: fresh memory costs up to a sixth of the time to hop
+
+_spare: dict[int, list[np.ndarray]] = defaultdict(list)
 
 
 class Log:
     """All rows so far."""
 
     def __init__(self):
-        self._full, self._rows, self._used = [], np.empty((FIRST, COLUMNS)), 0
+        self._pieces, self._ends = [], []
+        self._begin(FIRST)
+        weakref.finalize(self, _put_by, self._pieces).atexit = False
 
     def room(self) -> np.ndarray:
         """Rows (n, COLUMNS) to be written next, at least LEAST of them."""
-        if self._used + LEAST > len(self._rows):
-            self._full.append(self._rows[: self._used])
-            self._rows, self._used = np.empty((min(4 * len(self._rows), MOST), COLUMNS)), 0
-        return self._rows[self._used :]
+        if self._used + LEAST > len(self._pieces[-1]):
+            self._ends.append(self._used)
+            self._begin(min(4 * len(self._pieces[-1]), MOST))
+        return self._pieces[-1][self._used :]
 
     def keep(self, count: int) -> None:
         """Of the room given last, `count` rows are written."""
@@ -38,7 +45,23 @@ class Log:
 
     def pieces(self) -> list[np.ndarray]:
         """All rows, in their order."""
-        return [*self._full, self._rows[: self._used]]
+        return [rows[:end] for rows, end in zip(self._pieces, [*self._ends, self._used])]
+
+    def _begin(self, rows: int) -> None:
+        """Go on in a new piece of so many rows."""
+        try:
+            piece = _spare[rows].pop()
+        except IndexError:
+            piece = np.empty((rows, COLUMNS))
+        self._pieces.append(piece)
+        self._used = 0
+
+
+def _put_by(pieces: list[np.ndarray]) -> None:
+    """Keep the memory of a log that is no more."""
+    for piece in pieces:
+        if len(_spare[len(piece)]) < SPARE:
+            _spare[len(piece)].append(piece)
 
 
 def rows(logs: list[Log]) -> np.ndarray:

@@ -262,3 +262,14 @@ def test_invalid_runs_say_which_parameter(make, field):
 
 def test_a_ball_as_heavy_as_the_wall_is_allowed():
     assert isinstance(simulation(Scene(wall_mass=5.0), balls(FREE, FREE, mass=5.0)), Simulation)
+
+
+def test_a_flight_keeps_what_it_wrote_down_until_it_is_no_more():
+    """Then the memory of it is written on anew."""
+    scene = Scene(surfaces={"floor": Plane()}, restitution=1.0)
+    first, second = (Simulation(scene, balls((0, y, 0), (0, 0, 0)), Solver("exact"), 9.0, 9.0) for y in (1.0, 2.0))
+    flight, place = first.run(), log.Log().room().ctypes.data
+    for _ in range(3):
+        second.run()
+    assert log.Log().room().ctypes.data == place
+    assert len(flight.bounces) > 5 and np.array_equal(flight.bounces, first.run().bounces)
