@@ -12,7 +12,7 @@ from sim.clearance import AHEAD, FARTHEST, allowed, free_time, push_of, pushes_w
 from sim.curves.parabola import flight  # bound to the curve's own before it is compiled
 from sim.handing import CARRIES, carried  # bound to the method's own before they are compiled
 from sim.integrators.symplectic_euler import interpolant  # bound to the method's own before it is compiled
-from sim.lanes import LANES, lane, put
+from sim.lanes import LANES, empty_lanes, lane, put
 from sim.model import FASTEST
 from sim.motion import Motion, acceleration, motion, next_end
 from sim.rest import no_contacts
@@ -46,9 +46,7 @@ AT_ONCE = 64  # steps that they do so, at most
 
 
 def coast_room() -> np.ndarray:
-    """The lanes, from the beginning of a line of the cache on, which vector instructions had better not straddle."""
-    room, line = np.zeros((ROWS + 1) * LANES), 64
-    return room[-room.ctypes.data % line // room.itemsize :][: ROWS * LANES]
+    return empty_lanes(ROWS)
 
 
 def coast(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):

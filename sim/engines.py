@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from math import ceil
 
 import numpy as np
@@ -93,7 +93,11 @@ class Swept:
         # a method of first order cannot tell a hop of a few steps from rest
         blur = 4 * self.dt if claims and claims.order == 1 else 0.0
         self.given = float(solver.tolerance), blur, body, packed, features
-        loop, self._lanes = (coast.coast, coast.coast_room) if solver.stepping else (travel.travel, hop_room)
+        if solver.stepping:
+            loop, self._lanes = coast.coast, coast.coast_room
+        else:
+            few = len(features.tree.items) == 0
+            loop, self._lanes = travel.travel, partial(hop_room, features.faces if few else features.faces[:0])
         self.kernel = jit.bind(loop, **bindings(solver.method, packed))
         self._rooms = []
 

@@ -5,16 +5,19 @@ A hop is a flight under a constant acceleration that ends with a plain impact on
 once, and reckon what comes of them. Whatever is not plain, say a ball that may come to rest, is left to `fly`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sim.curves.parabola import fall_straight, flight, point, slope
 from sim.impact import energy_lost, rebound
-from sim.lanes import LANES, lane, put
+from sim.lanes import LANES, empty_lanes, lane, put
 from sim.log import note
 from sim.model import FASTEST
 from sim.motion import motion
 from sim.packed import NORMAL, POINT, SIDES, height, vector
 from sim.rest import STILL, comes_to_rest, no_contacts
+from sim.slabs import AXIS, HIGH, LOW, LOWER, UPPER, slabs
 from sim.state import (
     AGE,
     COUNT,
@@ -48,25 +51,35 @@ BALL = ENDS + LANES  # its row of the states; NONE in a lane without a ball
 BORN = BALL + LANES  # s, of its release
 DUE = BORN + LANES  # s, age at the next frame
 TAKEN = DUE + LANES  # hops since it came into the lane
-LEAST, HIT = TAKEN + LANES, TAKEN + 2 * LANES  # s, to the first touch, and the face touched
+LEAST, HIT = TAKEN + LANES, TAKEN + 2 * LANES  # s, to the first touch, and the face touched; NOTHING if none
 NORMALS = HIT + LANES  # of that, from the surface to the ball
 INTO, PAST = NORMALS + 3 * LANES, NORMALS + 4 * LANES  # m/s, normal and tangential speed of the impact
 LOSS = PAST + LANES  # J, at the impact
 PLAIN = LOSS + LANES  # 1 where the hop is plain
 ROWS = PLAIN // LANES + 1
+NOTHING = np.inf  # comes after all faces
 
 
-def hop_room() -> np.ndarray:
-    return np.zeros(ROWS * LANES)
+class Room(NamedTuple):
+    """What hops need."""
+
+    lanes: np.ndarray  # (ROWS * LANES,) the rows above, to reckon in
+    slabs: np.ndarray  # the faces, as `sim.slabs` has them
+    others: np.ndarray
 
 
-def hop(states, first, blur, body, forces, features, search, lanes, record, log, rows, budget):
+def hop_room(faces: np.ndarray) -> Room:
+    """Room for hops between packed faces."""
+    return Room(empty_lanes(ROWS), *slabs(faces))
+
+
+def hop(states, first, blur, body, forces, features, search, room, record, log, rows, budget):
     """Take the balls, rows of `states` numbered from `first` on, over hops as long as any has a plain one.
 
     A ball keeps a lane until it has none, then the next one gets it. Returns (rows of `log` filled, what is left of `budget`);
     it ends sooner where the log is full or the budget spent.
     """
-    still = (0.0, 0.0, 0.0)
+    lanes, still = room.lanes, (0.0, 0.0, 0.0)
     mover = motion(0.0, still, still, forces, no_contacts())
     outlines = len(features.outline) > len(features.faces)
     upcoming, aboard = 0, 0
@@ -74,14 +87,16 @@ def hop(states, first, blur, body, forces, features, search, lanes, record, log,
         upcoming = board(states, upcoming, lanes, i, record)
         aboard += lanes[BALL + i] != NONE
     while aboard > 0 and budget > 0 and rows + LANES <= len(log):
-        look(lanes, features.faces, body.radius, mover.pull)
-        reckon(lanes, blur, body, mover)
-        check(lanes, features.faces)
+        look(room, features.faces, body.radius, mover.pull)
+        reckon(lanes, body, mover)
+        if body.restitution < 1.0:
+            calm(lanes, blur, body, mover.pull)
+        check(room, features.faces)
         aboard = 0
         for i in range(LANES):
             if lanes[BALL + i] == NONE:
                 continue
-            last, state = lanes[HIT + i] == NONE, 0
+            last, state = lanes[HIT + i] == NOTHING, 0
             if lanes[PLAIN + i] > 0.0 and (last or not outlines or lands_in(lanes, i, features, mover.pull)):
                 if lanes[DUE + i] >= lanes[KEPT + CLOCK + i] or show(states, first, lanes, i, mover, body.mass, record):
                     budget -= 1
@@ -150,53 +165,73 @@ def curve_in(lanes, i, pull):
     return flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), pull, 0.0, 0.0)
 
 
-def look(lanes, faces, radius, pull):
+def look(room, faces, radius, pull):
     """Find the first touch of all balls within their flights."""
+    lanes, slabs, others = room
     for i in range(LANES):
-        lanes[LEAST + i], lanes[HIT + i] = lanes[ENDS + i] - lanes[CLOCK + i], NONE
-    for f in range(len(faces)):
-        look_at(lanes, faces, f, 1.0, radius, pull)
-        if faces[f, SIDES] > 1.0:
-            look_at(lanes, faces, f, -1.0, radius, pull)
+        lanes[LEAST + i], lanes[HIT + i] = lanes[ENDS + i] - lanes[CLOCK + i], NOTHING
+    for s in range(len(slabs)):
+        if pull[int(slabs[s, AXIS])] == 0.0:
+            look_ahead(lanes, slabs, s, faces, radius)
+        else:
+            look_about(lanes, slabs, s, faces, radius, pull)
+    for j in range(len(others)):
+        look_at(lanes, faces, others[j], 1.0, radius, pull)
+        if faces[others[j], SIDES] > 1.0:
+            look_at(lanes, faces, others[j], -1.0, radius, pull)
+
+
+def look_ahead(lanes, slabs, s, faces, radius):
+    """The same between the walls of slab s, where nothing pulls toward them: a ball can but meet the one that it moves to."""
+    k, low, high, lower, upper = walls(slabs, s)
+    up, down = vector(faces, lower, NORMAL), vector(faces, upper, NORMAL)
+    for i in range(LANES):
+        x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
+        rises = v > 0.0
+        n, place = (-1.0, high) if rises else (1.0, low)
+        t = fall_straight(gap_along(n, x, place, radius), n * v, radius)
+        keep_first(lanes, i, upper if rises else lower, choose(rises, down, up), t)
+
+
+def look_about(lanes, slabs, s, faces, radius, pull):
+    """The same where something pulls: on its way against that a ball meets the wall there, if it comes so far, else the other."""
+    k, low, high, lower, upper = walls(slabs, s)
+    turned = pull[k] > 0.0
+    n, push = (-1.0, -pull[k]) if turned else (1.0, pull[k])  # of the wall that it falls on
+    floor, roof = (high, low) if turned else (low, high)
+    floor_face, roof_face = (upper, lower) if turned else (lower, upper)
+    below, above = vector(faces, floor_face, NORMAL), vector(faces, roof_face, NORMAL)
+    for i in range(LANES):
+        x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
+        gap_floor, gap_roof, u = gap_along(n, x, floor, radius), gap_along(-n, x, roof, radius), n * v
+        rises = (u > 0.0) & (gap_roof >= -radius) & ((gap_roof <= 0.0) | (u * u - 2.0 * -push * gap_roof > 0.0))
+        line = (gap_roof, -u, -push) if rises else (gap_floor, u, push)
+        keep_first(lanes, i, roof_face if rises else floor_face, choose(rises, above, below), first_fall(line, radius, np.inf))
+
+
+def walls(slabs, s):
+    """The axis of slab s, where its walls are along it (m), and their numbers."""
+    return int(slabs[s, AXIS]), slabs[s, LOW], slabs[s, HIGH], int(slabs[s, LOWER]), int(slabs[s, UPPER])
+
+
+def choose(which, one, other):
+    return one[0] if which else other[0], one[1] if which else other[1], one[2] if which else other[2]
 
 
 def look_at(lanes, faces, f, side, radius, pull):
-    """The same for one side of a face; for less where it lies across an axis or nothing pulls toward it."""
+    """The same for one side of any face."""
     normal, place = scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT)
-    push, k = dot(normal, pull), across_axis(normal)
-    if k != NONE:
-        look_across(lanes, f, k, normal, place[k], push, radius)
-        return
+    push = dot(normal, pull)
     for i in range(LANES):
         x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
         line = gap(normal, x, place, radius), dot(normal, v), push
         keep_first(lanes, i, f, normal, first_fall(line, radius, np.inf))
 
 
-def across_axis(normal):
-    """The axis along which a unit vector is; NONE if none."""
-    for k in range(3):
-        if abs(normal[k]) == 1.0 and dot(normal, normal) == 1.0:
-            return k
-    return NONE
-
-
-def look_across(lanes, f, k, normal, place, push, radius):
-    """The same for a face across axis k, through `place` (m) on it."""
-    n = normal[k]
-    if push == 0.0:
-        for i in range(LANES):
-            x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
-            keep_first(lanes, i, f, normal, fall_straight(gap_along(n, x, place, radius), n * v, radius))
-    else:
-        for i in range(LANES):
-            x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
-            keep_first(lanes, i, f, normal, first_fall((gap_along(n, x, place, radius), n * v, push), radius, np.inf))
-
-
 def keep_first(lanes, i, f, normal, t):
-    """Note that the ball in lane i touches face f, with that normal, after t (s), if none sooner."""
-    sooner = (t < lanes[LEAST + i]) | ((t == lanes[LEAST + i]) & (lanes[HIT + i] == NONE))
+    """Note that the ball in lane i touches face f, with that normal, after t (s), if none sooner, and of those touched with it none
+    of a lower number."""
+    sooner = (t < lanes[LEAST + i]) | ((t == lanes[LEAST + i]) & (f < lanes[HIT + i]))
     lanes[LEAST + i] = t if sooner else lanes[LEAST + i]
     lanes[HIT + i] = f if sooner else lanes[HIT + i]
     for k in range(3):
@@ -204,21 +239,21 @@ def keep_first(lanes, i, f, normal, t):
         lanes[row] = normal[k] if sooner else lanes[row]
 
 
-def reckon(lanes, blur, body, mover):
+def reckon(lanes, body, mover):
     """Reckon the hops of all balls and the impacts at their ends, and mark those that are plain."""
     e, damping = body.restitution, body.damping
     for i in range(LANES):
-        t, normal, last = lanes[LEAST + i], lane(lanes, NORMALS, i), lanes[HIT + i] == NONE
+        t, normal, last = lanes[LEAST + i], lane(lanes, NORMALS, i), lanes[HIT + i] == NOTHING
         x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
         x1, v1 = point(curve, t), slope(curve, t)
         v2, vn, squared = rebound(v1, normal, e, damping)
-        rests = comes_to_rest(v2, mover.pull, normal, e, damping, blur)
         sound = (dot(v1, v1) <= FASTEST * FASTEST) & (dot(x1, x1) < np.inf)
         age = lanes[ENDS + i] if last else lanes[CLOCK + i] + t
         anew = age - lanes[COUNTED_FROM + i] > 1.0
         count = 0.0 if anew else lanes[COUNTED + i] + 1.0
-        hits = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0) & (dot(v2, v2) > STILL * STILL)
-        plain = last | (hits & (count <= MOST_EVENTS) & (not rests))
+        hits = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0)
+        leaves = (dot(v2, normal) > 0.0) & (dot(v2, v2) > STILL * STILL)
+        plain = last | (hits & leaves & (count <= MOST_EVENTS))
         lanes[PLAIN + i] = 1.0 if plain & sound else 0.0
         lost = 0.0 if last else energy_lost(body.mass, vn, squared, e, damping)
         put(lanes, KEPT + PLACE, i, x1)
@@ -229,6 +264,14 @@ def reckon(lanes, blur, body, mover):
         lanes[KEPT + WORKED + i] = lanes[WORKED + i] + steady_work(x, x1, mover.drive, body.mass)
         lanes[KEPT + GONE + i] = lanes[GONE + i] + lost
         lanes[KEPT + COUNTED + i], lanes[KEPT + COUNTED_FROM + i] = count, age if anew else lanes[COUNTED_FROM + i]
+
+
+def calm(lanes, blur, body, pull):
+    """Leave those hops to `fly` after which a ball may rest."""
+    for i in range(LANES):
+        v, normal, last = lane(lanes, KEPT + SPEED, i), lane(lanes, NORMALS, i), lanes[HIT + i] == NOTHING
+        rests = comes_to_rest(v, pull, normal, body.restitution, body.damping, blur)
+        lanes[PLAIN + i] = lanes[PLAIN + i] if last or not rests else 0.0
 
 
 def lands_in(lanes, i, features, pull):
@@ -262,23 +305,24 @@ def tell(lanes, i, first, features, log, row):
     note(log, row, time, ball, features, int(lanes[HIT + i]), x, normal, lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i])
 
 
-def check(lanes, faces):
+def check(room, faces):
     """Leave those hops to `fly` whose end is behind a face, or too near to tell: a touch never lets that happen, so it is looked
     for apart from it."""
-    for f in range(len(faces)):
-        two_sided, normal, place = faces[f, SIDES] > 1.0, vector(faces, f, NORMAL), vector(faces, f, POINT)
-        k = across_axis(normal)
-        if k != NONE:
-            n, p, row = normal[k], place[k], PLACE + k * LANES
-            for i in range(LANES):
-                keep_plain(lanes, i, n * (lanes[row + i] - p), n * (lanes[KEPT + row + i] - p), two_sided)
-        else:
-            for i in range(LANES):
-                h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, KEPT + PLACE, i))
-                keep_plain(lanes, i, h, h1, two_sided)
+    lanes, slabs, others = room
+    for s in range(len(slabs)):
+        k, low, high, _, _ = walls(slabs, s)
+        row = PLACE + k * LANES
+        for i in range(LANES):
+            x, x1 = lanes[row + i], lanes[KEPT + row + i]
+            keep_plain(lanes, i, ((x > low) & (x1 < low)) | ((x < high) & (x1 > high)))
+    for j in range(len(others)):
+        f = others[j]
+        two_sided = faces[f, SIDES] > 1.0
+        for i in range(LANES):
+            h, h1 = height(faces, f, lane(lanes, PLACE, i)), height(faces, f, lane(lanes, KEPT + PLACE, i))
+            keep_plain(lanes, i, ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h <= 0.0) & (h1 >= 0.0)))
 
 
-def keep_plain(lanes, i, h, h1, two_sided):
-    """Have the hop in lane i be plain no more if it leads through a plane, from the height h to h1 (m)."""
-    through = ((h > 0.0) & (h1 < 0.0)) | (two_sided & (h <= 0.0) & (h1 >= 0.0))
+def keep_plain(lanes, i, through):
+    """Have the hop in lane i be plain no more if it leads through a face."""
     lanes[PLAIN + i] = 0.0 if through else lanes[PLAIN + i]

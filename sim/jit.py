@@ -26,6 +26,7 @@ def numba():
     numba looks for changes in the file of the cached function only, not in those it calls, hence the hash over all.
     """
     import numba
+    from numba.core.codegen import get_host_cpu_features
 
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob("*.py")):
@@ -39,6 +40,10 @@ def numba():
     if not writable:
         home = Path(tempfile.gettempdir()) / f"carom-{os.getuid()}"
     numba.config.CACHE_DIR = str(home / digest.hexdigest()[:16])
+    features = get_host_cpu_features()
+    # LLVM keeps to half of such registers, as the first processors with them ran slower with all; those with this feature do not
+    if "+avx512vbmi2" in features and numba.config.CPU_NAME is None and numba.config.CPU_FEATURES is None:
+        numba.config.CPU_FEATURES = f"{features},-prefer-256-bit"
     return numba
 
 
@@ -149,8 +154,8 @@ def _is_kernel(value: Any) -> bool:
 
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
-    *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "check", "onward", "response", "touch_edge", "beside", "onto_face"),
-    *("onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
+    *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "calm", "check", "onward", "response", "touch_edge", "beside"),
+    *("onto_face", "onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
     *("curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
     *("coast", "take", "march", "step_in", "commit"),
     *("ashore", "first_touch", "lies_on", "next_crossing", "falls_back", "majorant.fall", "falls_again", "off_face"),

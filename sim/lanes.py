@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.packed import height
+from sim.packed import aligned, height
 from sim.walk import Search, search_room
 
 LANES = 64
@@ -41,11 +41,19 @@ class Block(NamedTuple):
     search: Search  # room to search in
 
 
+def empty_lanes(rows: int) -> np.ndarray:
+    """So many rows (rows * LANES,) of zeros, from the beginning of a line of the cache on, which vector instructions had better not
+    straddle."""
+    room = aligned(rows, LANES).ravel()
+    room[:] = 0.0
+    return room
+
+
 def fill_block(first: int, balls, duration: float, features) -> Block:
     """The block of the balls from number `first` on, at their release."""
     count = min(LANES, len(balls) - first)
     mine = slice(first, first + count)
-    s = np.zeros(ROWS * LANES)
+    s = empty_lanes(ROWS)
     s[RELEASED : RELEASED + count] = balls.released[mine]
     s[END : END + count] = np.minimum(balls.lifetime, duration - balls.released[mine])
     for k in range(3):

@@ -90,7 +90,7 @@ HOPS = True  # bound to whether flights are such that balls may hop
 NOTHING, TOUCH, FACE, OFF = 0, 1, 2, 3
 
 
-def travel(states, first, method, tolerance, blur, body, forces, features, search, lanes, record, log, budget):
+def travel(states, first, method, tolerance, blur, body, forces, features, search, room, record, log, budget):
     """Move balls, rows of `states` numbered from `first` on, through all frames of `record`: side by side while they only
     hop, else one after the other.
 
@@ -102,7 +102,7 @@ def travel(states, first, method, tolerance, blur, body, forces, features, searc
     rows = 0
     while True:
         if HOPS and hopping:
-            rows, budget = hop(states, first, blur, body, forces, features, search, lanes, record, log, rows, budget)
+            rows, budget = hop(states, first, blur, body, forces, features, search, room, record, log, rows, budget)
         end, ready = DONE, 0
         for i in range(len(states)):
             if states[i, FRAME] >= len(record.time):

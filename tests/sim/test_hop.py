@@ -1,11 +1,15 @@
 """Hops of many balls side by side: the same flight, bit for bit, as ball by ball."""
 
+import collections
+
 import numpy as np
 import pytest
 
-from sim import engines, hop, vector
-from sim.curves.parabola import fall_straight
+from sim import engines, hop, reduction, vector
 from sim.lanes import LANES
+from sim.motion import motion
+from sim.packed import NORMAL, POINT, pack
+from sim.rest import no_contacts
 from sim.shapes import Box, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver
 from sim.touch import first_fall
@@ -37,6 +41,7 @@ def start(n, speed=5.0, **options):
     [
         (Scene(surfaces={"room": ROOM}, restitution=1.0, damping=0.0), start(MANY)),
         (Scene(surfaces={"room": ROOM}), start(MANY, released=0.0173 * (np.arange(MANY) % 40), lifetime=1.31)),
+        (Scene(surfaces={"room": ROOM}, gravity=(0.7, 9.0, 0.0)), start(70)),
         (Scene(surfaces=TILTED, gravity=(1.0, -9.0, 2.0)), start(70)),
         (Scene(surfaces={"room": ROOM}, restitution=0.3, damping=0.2), start(70, speed=1.0)),  # most come to rest
         (Scene(surfaces={"room": ROOM}, restitution=0.3, damping=0.0), start(70, speed=1.0)),  # or slide
@@ -44,7 +49,7 @@ def start(n, speed=5.0, **options):
         (Scene(surfaces={"room": ROOM}, forces={"corridor": CORRIDOR}), start(70)),
         (Scene(), start(70)),
     ],
-    ids=["elastic", "emitted", "tilted", "resting", "sliding", "edges", "fields", "nothing to touch"],
+    ids=["elastic", "emitted", "pulled two ways", "tilted", "resting", "sliding", "edges", "fields", "nothing to touch"],
 )
 def test_hops_change_nothing(monkeypatch, scene, start):
     check_same(*flights(monkeypatch, scene, start))
@@ -64,32 +69,70 @@ def check_same(one, other):
 
 
 def test_a_hop_behind_a_face_is_none():
-    """Were a touch missed, it would be seen: a floor met from above, and a shelf met from both sides."""
-    scene = Scene(surfaces={"floor": Plane(), "shelf": Rectangle((0, 3, 0), (0, 1, 0), (9, 9))})
+    """Were a touch missed, it would be seen: a floor met from above, a roof from below, and a shelf from both sides."""
+    roof, shelf = Plane((0, 5, 0), (0, -1, 0)), Rectangle((0, 3, 0), (0, 1, 0), (9, 9))
+    scene = Scene(surfaces={"floor": Plane(), "roof": roof, "shelf": shelf})
     simulation = Simulation(scene, balls([[0, 1, 0]], [[0, 0, 0]]), Solver("exact"), 1.0, 0.5)
-    lanes = hop.hop_room()
+    faces = simulation.features.faces
+    room = hop.hop_room(faces)
+    lanes = room.lanes
     height = hop.PLACE + LANES
-    for i, (begin, end) in enumerate([(1.0, 0.5), (1.0, -0.5), (-1.0, 0.5), (2.0, 4.0), (4.0, 2.0), (3.0, 4.0)]):
+    for i, (begin, end) in enumerate([(1.0, 0.5), (1.0, -0.5), (-1.0, 0.5), (2.0, 4.0), (4.0, 2.0), (3.0, 4.0), (4.0, 6.0)]):
         lanes[height + i], lanes[hop.KEPT + height + i], lanes[hop.PLAIN + i] = begin, end, 1.0
-    hop.check(lanes, simulation.features.faces)
-    assert list(lanes[hop.PLAIN :][:6]) == [1, 0, 1, 0, 0, 0]
+    hop.check(room, faces)
+    assert list(lanes[hop.PLAIN :][:7]) == [1, 0, 1, 0, 0, 0, 0]
 
 
-def test_short_cuts_give_the_same():
-    """A face across an axis, and one that nothing pulls toward, bit for bit: also where a ball is on it or behind it."""
+def test_a_bounce_lost_in_rounding_is_no_hop():
+    """A ball that skims a face may come off it by less than its velocity is rounded by: whether it rests is not for hops to say."""
+    rng = np.random.default_rng(7)
+    room = hop.hop_room(np.zeros((0, 8)))
+    rows = room.lanes.reshape(-1, LANES)
+    normals = rng.normal(size=(LANES, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    speeds = [vector.across(n, rng.normal(size=3)) for n in normals]
+    rows[3:6], rows[hop.NORMALS // LANES :][:3], rows[hop.ENDS // LANES] = np.transpose(speeds), normals.T, 1.0
+    simulation = Simulation(Scene(restitution=1.0, damping=0.0), start(1), Solver("exact"), 1.0, 0.5)
+    _, _, body, forces, _ = simulation.engine.given
+    still = (0.0, 0.0, 0.0)
+    hop.reckon(room.lanes, body, motion(0.0, still, still, forces, no_contacts()))
+    comes = np.array([vector.dot(v, n) < 0.0 for v, n in zip(speeds, normals)])
+    goes = np.array([vector.dot(v, n) > 0.0 for v, n in zip(rows[hop.KEPT // LANES + 3 :][:3].T, normals)])
+    assert list(rows[hop.PLAIN // LANES]) == list(comes & goes)
+    assert np.any(comes & goes) and np.any(comes & ~goes)
+
+
+def test_a_look_at_slabs_is_one_at_every_face():
+    """Pulled along them either way or not at all, with one wall or both, these even back to back: also where a ball is on one or
+    behind, or comes to several at once."""
     rng = np.random.default_rng(5)
-    met = 0
-    for _ in range(3000):
-        k, radius = rng.integers(3), rng.uniform(0.01, 0.2)
-        normal, place = tuple(rng.choice([-1.0, 1.0]) * np.eye(3)[k]), rng.normal(size=3)
-        x, v = rng.normal(size=3), rng.normal(size=3) * rng.choice([0.0, 1.0, 1e-200], 3)
-        if rng.integers(2):  # in touch, but for rounding
-            x[k] = place[k] + normal[k] * radius * rng.choice([1.0, 1.0 + 1e-15, 0.5, -2.0])
-        g = vector.gap(normal, x, place, radius)
-        assert vector.gap_along(normal[k], x[k], place[k], radius) == g
-        speed = vector.dot(normal, v)
-        assert normal[k] * v[k] == speed
-        t = first_fall((g, speed, 0.0), radius, np.inf)
-        assert fall_straight(g, speed, radius) == t
-        met += t < np.inf
-    assert met > 500
+    met = collections.Counter()
+    for _ in range(300):
+        radius, pull = rng.uniform(0.01, 0.2), rng.normal(size=3) * rng.integers(-1, 2, 3)
+        count, axes = rng.integers(1, 7), rng.integers(1, 4)
+        normals = rng.choice([-1.0, 1.0], (count, 1)) * np.eye(3)[rng.integers(0, axes, count)]
+        planes = [Plane(tuple(rng.normal(size=3).round()), tuple(normal)) for normal in normals]
+        faces = pack(reduction.features(planes, np.zeros((0, 3)))[0]).faces
+        normal, place = faces[:, NORMAL : NORMAL + 3], faces[:, POINT : POINT + 3]
+        x, v = rng.normal(size=(3, LANES)).round(rng.integers(0, 9)), rng.choice([-1.0, 0.0, 1.0, 1e-200, 0.3], (3, LANES))
+        for i in np.flatnonzero(rng.integers(0, 2, LANES)):  # in touch, but for rounding
+            f = rng.integers(len(faces))
+            k = np.abs(normal[f]).argmax()
+            x[k, i] = place[f, k] + normal[f, k] * radius * rng.choice([1.0, 1.0 + 1e-15, 0.5, -2.0])
+        room = hop.hop_room(faces)
+        rows = room.lanes.reshape(-1, LANES)
+        rows[:3], rows[3:6], rows[hop.ENDS // LANES] = x, v, 10.0
+        hop.look(room, faces, radius, tuple(pull))
+        for i in range(LANES):
+            gaps = [vector.gap(n, x[:, i], p, radius) for n, p in zip(normal, place)]
+            lines = [(gap, vector.dot(n, v[:, i]), vector.dot(n, pull)) for gap, n in zip(gaps, normal)]
+            times = [first_fall(line, radius, np.inf) for line in lines]
+            f = int(np.argmin(times))
+            if times[f] >= 10.0:
+                assert rows[hop.HIT // LANES, i] == hop.NOTHING
+                continue
+            assert (rows[hop.HIT // LANES, i], rows[hop.LEAST // LANES, i]) == (f, times[f])
+            assert tuple(rows[hop.NORMALS // LANES :][:3, i]) == tuple(normal[f])
+            met[np.sign(lines[f][2])] += 1
+            met["at once"] += 0.0 < times[f] == np.delete(times, f).min(initial=np.inf)
+    assert min(met[kind] for kind in (-1, 0, 1, "at once")) > 200
