@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 
 from runner import machine, record
@@ -17,7 +18,8 @@ from runner.execute import run
 from runner.result import Result
 
 FEW, MANY = 100, 1000  # runs of two sweeps, whose difference is free of what a sweep costs by itself
-REPEATS = 2
+JOBS = 1, 2
+REPEATS = 3
 MANY_RUNS = 10_000  # to which the parent's memory is reckoned
 
 
@@ -37,9 +39,13 @@ def _costs(few: int, many: int) -> Iterator[Figure]:
         yield Figure("a run's two files written bare, in one process, CPU", 1e3 * writers.cpu, "ms")
         yield Figure("the same numbers written by plain calls of h5py and rerun, CPU", 1e3 * plain.cpu, "ms")
         yield Figure("a run's simulation alone, in one process, CPU", 1e3 * simulating, "ms")
+        sizes = list(product(JOBS, (few, many)))
+        taken = {size: [] for size in sizes}
+        for repeat, (jobs, runs) in product(range(REPEATS), sizes):  # in turns: a machine that others share is slow now and then
+            taken[jobs, runs].append(_sweep(folder, runs, jobs, repeat))
         spent = {}
-        for jobs in (1, 2):
-            sweeps = [_fastest(folder, runs, jobs) for runs in (few, many)]
+        for jobs in JOBS:
+            sweeps = [min(taken[jobs, runs]) for runs in (few, many)]
             spent[jobs] = Spent(*((b - a) / (many - few) for a, b in zip(*sweeps)))
             workers = f"{jobs} worker{'s' * (jobs > 1)}"
             yield Figure(f"runs, {workers}", 1 / spent[jobs].wall, "runs/s")
@@ -56,11 +62,10 @@ def _costs(few: int, many: int) -> Iterator[Figure]:
         yield Figure(f"the parent's peak memory at {MANY_RUNS:,} runs, reckoned from its growth", reckoned / 1e6, "MB")
 
 
-def _fastest(folder: Path, runs: int, jobs: int) -> Spent:
-    """Of some sweeps, each into a folder of its own: nothing is deleted meanwhile, which slows a disk down for seconds."""
+def _sweep(folder: Path, runs: int, jobs: int, repeat: int) -> Spent:
+    """A sweep into a folder of its own: nothing is deleted meanwhile, which slows a disk down for seconds."""
     file = write_experiment(folder / f"{runs}.yaml", runs)
-    command = ["sweep", file, "--jobs", jobs, "--quiet", "--out"]
-    return min(carom(*command, f"{jobs}-{repeat}", cwd=folder, telling=True) for repeat in range(REPEATS))
+    return carom("sweep", file, "--jobs", jobs, "--quiet", "--out", f"{jobs}-{repeat}", cwd=folder, telling=True)
 
 
 def writing(file: Path) -> tuple[Spent, Spent, float]:
