@@ -2,17 +2,19 @@
 
 numba by itself takes each function for an end: it links in all that the function calls, down to the last, optimises the whole
 anew, makes machine code of it and wraps that for Python to call. Here a function that vanishes into its callers is left as it
-is for them to optimise; one that stays apart is machine code of its own, which its callers find by its name.
+is for them to optimise; one that stays apart is machine code of its own, which its callers find by its name. Both are kept on disk,
+where workers that compile side by side find what another has done.
 """
 
 import gc
 from contextlib import contextmanager
 from types import SimpleNamespace
 
+from llvmlite import binding as llvm
 from llvmlite import ir
 from numba.core import cgutils, event, postproc, transforms, typed_passes, types, untyped_passes
 from numba.core import ir as numba_ir
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import Codegen, JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import PassManager
 from numba.core.datamodel import models
@@ -36,6 +38,7 @@ PASSES = (
     typed_passes.NoPythonBackend,
 )
 READ, KEEP, DATA = 0, 3, 1  # what llvm.prefetch is told: to read it, to keep it in all caches, and that it is no code
+MELTED = "melted"  # the kind of such code on disk, beside numba's kinds
 
 
 class MeltedCode(JITCodeLibrary):
@@ -55,6 +58,15 @@ class MeltedCode(JITCodeLibrary):
 
     def _finalize_final_module(self):
         self._finalized = True
+
+    def serialize_using_object_code(self):
+        return self.name, MELTED, self._final_module.as_bitcode()
+
+    @classmethod
+    def unserialize(cls, codegen, name, bitcode):
+        code = cls(codegen, name)
+        code._final_module, code._finalized = llvm.parse_bitcode(bitcode), True
+        return code
 
 
 class CodeApart(JITCodeLibrary):
@@ -90,16 +102,17 @@ def swift():
     if not gc.isenabled():  # by a `swift` around this one
         yield
         return
-    theirs = [getattr(owner, name) for owner, name, _ in OURS]
-    ours = [remembering(each) if make is remembering else make for each, (_, _, make) in zip(theirs, OURS)]
+    theirs = {(owner, name): getattr(owner, name) for owner, name, _ in OURS + AROUND}
+    ours = {(owner, name): each for owner, name, each in OURS}
+    ours |= {(owner, name): wrap(theirs[owner, name]) for owner, name, wrap in AROUND}
     gc.disable()
-    for (owner, name, _), each in zip(OURS, ours):
-        setattr(owner, name, each)
+    for place, each in ours.items():
+        setattr(*place, each)
     try:
         yield
     finally:
-        for (owner, name, _), each in zip(OURS, theirs):
-            setattr(owner, name, each)
+        for place, each in theirs.items():
+            setattr(*place, each)
         gc.enable()
 
 
@@ -116,6 +129,16 @@ def remembering(find):
         return known[key]
 
     return remembered
+
+
+def unserializing(unserialize):
+    """Code that vanishes into its callers comes from disk as such."""
+
+    def unserialized(codegen, state):
+        name, kind, data = state
+        return MeltedCode.unserialize(codegen, name, data) if kind == MELTED else unserialize(codegen, state)
+
+    return unserialized
 
 
 def as_it_is(context, builder, kind, index, size):
@@ -149,13 +172,16 @@ def unheard(happened):
 
 
 NO_VARIABLES = {str, int, float, bool, type(None), numba_ir.Loc}
-#: What is otherwise while a kernel is compiled.
+#: What is otherwise while a kernel is compiled: ours instead of theirs, and ours around theirs.
 OURS = (
-    (types.BaseFunction, "get_call_type", remembering),
     (arrayobj, "fix_integer_index", as_it_is),
     (postproc.PostProcessor, "run", tidy),
     (numba_ir.Inst, "_rec_list_vars", variables),
     (event, "broadcast", unheard),
+)
+AROUND = (
+    (types.BaseFunction, "get_call_type", remembering),
+    (Codegen, "unserialize_library", unserializing),
 )
 
 

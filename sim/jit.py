@@ -113,17 +113,19 @@ def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = Tru
 def _widened(kernel: Any, apart: tuple = ()) -> Any:
     """The kernel, compiled once for all integers: numba compiles it anew for a 0 and a 1 written in a call, to no gain.
 
-    One that stays `apart`, a function and its names, is loaded before any code from disk that calls it.
+    What stays `apart` of it, a function and its names, is loaded before any code from disk that calls it; what melts is looked for
+    on disk once it is called for: another worker may have compiled it.
     """
     from numba.core.types import unliteral
 
-    template = kernel.get_call_template
+    template, look_on_disk = kernel.get_call_template, cache(kernel.enable_caching)
 
     def resolve(args, kws):
+        look_on_disk()
         args = tuple(unliteral(a) for a in args)
         found = template(args, kws)
-        if apart:
-            kernel.overloads[args].library._reload_init = {partial(_load, *apart, args)}
+        compiled = kernel.overloads[args]
+        compiled.library._reload_init = {partial(_load, *apart, args)} if apart else set(compiled.reload_init)
         return found
 
     kernel.get_call_template = resolve
