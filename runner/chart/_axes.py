@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from runner.chart._names import number_text
@@ -60,6 +60,8 @@ def set_scale(axes: Axes, which: str, values: Iterable[float], kind: str | None 
         if values.min() >= 0:  # matplotlib's margin would reach far below zero
             room = 0.05 * (math.log10(sizes.max()) - low + 1)
             getattr(axes, f"set_{which}lim")(-room * 10.0**low, sizes.max() * 10.0**room)
+    elif sizes.max() < 100 * sizes.min():  # a single power of ten would tell little
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     elif every > 1:
         axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 2) if e % every == 0]))
         axis.set_minor_locator(NullLocator())

@@ -11,9 +11,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
 
 from runner import chart
-from runner.chart._axes import scale
+from runner.chart._axes import scale, set_scale
 from runner.chart._names import SUMMARY, label, number_text
 from runner.chart.work_precision import Point, front, slope
 from runner.columns import COLUMNS
@@ -247,6 +248,13 @@ def test_axes_have_the_scale_and_ticks_of_their_values():
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "1", "10", "100"]
     assert drawn(kind="lines", x=DAMPING, y="bounces").axes[0].get_xscale() == "linear"
+
+
+def test_a_logarithmic_axis_of_less_than_two_decades_has_more_ticks_than_powers_of_ten():
+    axes = Figure().subplots()
+    set_scale(axes, "y", [2500.0, 45000.0], "log")
+    axes.set_ylim(2500.0, 45000.0)
+    assert {text.get_text() for text in axes.get_yticklabels()} >= {"5000", "10000", "20000"}
 
 
 def test_errors_decades_apart_are_compared_by_size():
