@@ -254,7 +254,7 @@ def test_a_run_that_fails_is_told_and_the_others_finish(with_mesh, inline, carom
     assert aggregate.read(work.folder)["status"].to_pylist() == ["finished", "finished"]
 
 
-MEMORY, TOO_OFTEN = 8_000_000_000, 3e-10  # bytes, and s between frames that take 16 GB for the positions alone
+MEMORY, TOO_OFTEN = 4_000_000_000, 4e-9  # bytes, and s between frames that take 3.6 GB
 
 
 def test_a_run_larger_than_the_memory_fails_alone(here, carom_process, fall):
