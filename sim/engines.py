@@ -137,16 +137,14 @@ class Swept:
         return len(time)
 
     def ends(self, parts) -> Ends:
-        def columns(which):
-            return np.concatenate([states[:, which] for _, states in parts])
-
-        velocity = columns(slice(state.V, state.V + 3))
+        states = np.concatenate([states for _, states in parts])
+        velocity = states[:, state.V : state.V + 3]
         return Ends(
-            position=columns(slice(state.X, state.X + 3)),
+            position=states[:, state.X : state.X + 3],
             velocity=velocity,
-            at_rest=(columns(state.COUNT) > 0) & ~velocity.any(axis=1),
-            steps=int(columns(state.STEPS).sum()),
-            passed=int(columns(state.CROSSED).sum()),
+            at_rest=(states[:, state.COUNT] > 0) & ~velocity.any(axis=1),
+            steps=int(states[:, state.STEPS].sum()),
+            passed=int(states[:, state.CROSSED].sum()),
         )
 
 
