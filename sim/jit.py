@@ -98,16 +98,18 @@ def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = Tru
     # The name tells numba's files apart: two kernels of one name would be served each other's code.
     bindings = ", ".join([*(f"{name}={_label(value)}" for name, value in names), "" if inner else "for Python to call"])
     rebuilt.__qualname__ = f"{function.__name__}_{hashlib.sha256(bindings.encode()).hexdigest()[:16]}"
-    # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do.
-    njit = partial(numba().njit, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)
+    # Without numba's runtime: kernels make no arrays, and to count references to those they hand on costs more than they do. What is
+    # said of `fastmath` and `forceinline` a function would have from its caller, and both are in its name: code on disk would call it
+    # by one name, and find it compiled for another caller by another.
+    njit = partial(numba().njit, error_model="numpy", fastmath=False, _nrt=False, no_cfunc_wrapper=True)
     from sim.compiler import Melt, Plain, SetApart
 
-    if not inner:
-        return njit(cache=True, pipeline_class=Plain, nogil=True)(rebuilt)  # so that threads move the balls of one run at once
+    if not inner:  # released, so that threads move the balls of one run at once
+        return njit(cache=True, forceinline=False, pipeline_class=Plain, nogil=True)(rebuilt)
     njit = partial(njit, no_cpython_wrapper=True)
     if _melts(function):
         return _widened(njit(forceinline=True, pipeline_class=Melt)(rebuilt))
-    return _widened(njit(cache=True, pipeline_class=SetApart)(rebuilt), (function, names))
+    return _widened(njit(cache=True, forceinline=False, pipeline_class=SetApart)(rebuilt), (function, names))
 
 
 def _widened(kernel: Any, apart: tuple = ()) -> Any:

@@ -116,6 +116,38 @@ def test_code_from_disk_finds_what_it_calls_even_where_that_was_lost(tmp_path, c
     assert python(APART, copied, XDG_CACHE_HOME=str(cache)).split() == ["7.0", "1"]
 
 
+MELTS = """
+from sim import jit, probe
+kernel = jit.bind(probe.{name})
+print(kernel(2.0), sum(kernel.py_func.__globals__["middle"].stats.cache_hits.values()))
+"""
+MIDDLE = """
+def turn(x):
+    return 3.0 * x
+
+def middle(x):
+    return turn(x) + 1.0
+
+def one(x):
+    return 2.0 * middle(x)
+
+def other(x):
+    return 5.0 * middle(x)
+"""
+
+
+@pytest.mark.parametrize("lose", ["", "turn"])
+def test_what_vanishes_into_one_function_is_on_disk_for_another(tmp_path, copied, lose):
+    """`middle` does so, and calls `turn`, which stays apart: also where that was lost."""
+    (copied / "sim/probe.py").write_text(MIDDLE)
+    cache = tmp_path / "cache"
+    assert python(MELTS.format(name="one"), copied, XDG_CACHE_HOME=str(cache)).split() == ["14.0", "0"]
+    for file in cache.rglob(f"*{lose}*.nb?") if lose else ():
+        file.unlink()
+    assert python(MELTS.format(name="other"), copied, XDG_CACHE_HOME=str(cache)).split() == ["35.0", "1"]
+    assert python(MELTS.format(name="other"), copied, XDG_CACHE_HOME=str(cache)).split() == ["35.0", "0"]  # all of it is
+
+
 HANDED = """
 from sim import jit, probe
 kernel = jit.bind(probe.outer)
