@@ -17,7 +17,7 @@ from sim.model import FASTEST
 from sim.motion import motion
 from sim.packed import NORMAL, POINT, SIDES, height, vector
 from sim.rest import STILL, comes_to_rest, no_contacts
-from sim.slabs import AXIS, HIGH, LOW, LOWER, UPPER, slabs
+from sim.slabs import AXIS, FAR, HIGH, LOW, LOWER, UPPER, slabs
 from sim.state import (
     AGE,
     COUNT,
@@ -190,7 +190,7 @@ def look_ahead(lanes, slabs, s, faces, radius):
         rises = v > 0.0
         n, place = (-1.0, high) if rises else (1.0, low)
         t = fall_straight(gap_along(n, x, place, radius), n * v, radius)
-        keep_first(lanes, i, upper if rises else lower, choose(rises, down, up), t)
+        keep_first(lanes, i, upper if rises else lower, choose(rises, down, up), t if abs(place) < FAR else np.inf)
 
 
 def look_about(lanes, slabs, s, faces, radius, pull):
@@ -205,8 +205,9 @@ def look_about(lanes, slabs, s, faces, radius, pull):
         x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
         gap_floor, gap_roof, u = gap_along(n, x, floor, radius), gap_along(-n, x, roof, radius), n * v
         rises = (u > 0.0) & (gap_roof >= -radius) & ((gap_roof <= 0.0) | (u * u - 2.0 * -push * gap_roof > 0.0))
-        line = (gap_roof, -u, -push) if rises else (gap_floor, u, push)
-        keep_first(lanes, i, roof_face if rises else floor_face, choose(rises, above, below), first_fall(line, radius, np.inf))
+        place, f, line = (roof, roof_face, (gap_roof, -u, -push)) if rises else (floor, floor_face, (gap_floor, u, push))
+        t = first_fall(line, radius, np.inf)
+        keep_first(lanes, i, f, choose(rises, above, below), t if abs(place) < FAR else np.inf)
 
 
 def walls(slabs, s):
