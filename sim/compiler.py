@@ -59,7 +59,7 @@ class MeltedCode(JITCodeLibrary):
     def _finalize_final_module(self):
         self._finalized = True
 
-    def serialize_using_object_code(self):
+    def serialize_using_object_code(self):  # which there is none of: what numba asks for to keep on disk
         return self.name, MELTED, self._final_module.as_bitcode()
 
     @classmethod

@@ -73,7 +73,7 @@ def hop_room(faces: np.ndarray) -> Room:
     return Room(empty_lanes(ROWS), *slabs(faces))
 
 
-def hop(states, first, blur, body, forces, features, search, room, record, log, rows, budget):
+def hop(states, first, body, forces, features, search, room, record, log, rows, budget):
     """Take the balls, rows of `states` numbered from `first` on, over hops as long as any has a plain one.
 
     A ball keeps a lane until it has none, then the next one gets it. Returns (rows of `log` filled, what is left of `budget`);
@@ -90,7 +90,7 @@ def hop(states, first, blur, body, forces, features, search, room, record, log, 
         look(room, features.faces, body.radius, mover.pull)
         reckon(lanes, body, mover)
         if body.restitution < 1.0:
-            calm(lanes, blur, body, mover.pull)
+            calm(lanes, body, mover.pull)
         check(room, features.faces)
         aboard = 0
         for i in range(LANES):
@@ -267,11 +267,11 @@ def reckon(lanes, body, mover):
         lanes[KEPT + COUNTED + i], lanes[KEPT + COUNTED_FROM + i] = count, age if anew else lanes[COUNTED_FROM + i]
 
 
-def calm(lanes, blur, body, pull):
-    """Leave those hops to `fly` after which a ball may rest."""
+def calm(lanes, body, pull):
+    """Leave those hops to `fly` after which a ball may rest; nothing is blurred by a step here."""
     for i in range(LANES):
         v, normal, last = lane(lanes, KEPT + SPEED, i), lane(lanes, NORMALS, i), lanes[HIT + i] == NOTHING
-        rests = comes_to_rest(v, pull, normal, body.restitution, body.damping, blur)
+        rests = comes_to_rest(v, pull, normal, body.restitution, body.damping, 0.0)
         lanes[PLAIN + i] = lanes[PLAIN + i] if last or not rests else 0.0
 
 

@@ -41,7 +41,7 @@ def numba():
         home = Path(tempfile.gettempdir()) / f"carom-{os.getuid()}"
     numba.config.CACHE_DIR = str(home / digest.hexdigest()[:16])
     features = get_host_cpu_features()
-    # LLVM keeps to half of such registers, as the first processors with them ran slower with all; those with this feature do not
+    # LLVM keeps to half of registers of 512 bits, as the first processors with them ran slower with all; those with this feature hardly do
     if "+avx512vbmi2" in features and numba.config.CPU_NAME is None and numba.config.CPU_FEATURES is None:
         numba.config.CPU_FEATURES = f"{features},-prefer-256-bit"
     return numba
@@ -123,7 +123,8 @@ def _widened(kernel: Any, apart: tuple = ()) -> Any:
     template, look_on_disk = kernel.get_call_template, cache(kernel.enable_caching)
 
     def resolve(args, kws):
-        look_on_disk()
+        if not apart:
+            look_on_disk()
         args = tuple(unliteral(a) for a in args)
         found = template(args, kws)
         compiled = kernel.overloads[args]
@@ -159,8 +160,8 @@ def _is_kernel(value: Any) -> bool:
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
     *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "calm", "check", "onward", "response", "touch_edge", "beside"),
-    *("onto_face", "onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out", "slides_off"),
-    *("curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
+    *("onto_face", "onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out"),
+    *("slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
     *("coast", "take", "march", "step_in", "commit"),
     *("ashore", "first_touch", "lies_on", "next_crossing", "falls_back", "majorant.fall", "falls_again", "off_face"),
 }

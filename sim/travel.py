@@ -102,7 +102,7 @@ def travel(states, first, method, tolerance, blur, body, forces, features, searc
     rows = 0
     while True:
         if HOPS and hopping:
-            rows, budget = hop(states, first, blur, body, forces, features, search, room, record, log, rows, budget)
+            rows, budget = hop(states, first, body, forces, features, search, room, record, log, rows, budget)
         end, ready = DONE, 0
         for i in range(len(states)):
             if states[i, FRAME] >= len(record.time):

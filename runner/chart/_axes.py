@@ -60,7 +60,7 @@ def set_scale(axes: Axes, which: str, values: Iterable[float], kind: str | None 
         if values.min() >= 0:  # matplotlib's margin would reach far below zero
             room = 0.05 * (math.log10(sizes.max()) - low + 1)
             getattr(axes, f"set_{which}lim")(-room * 10.0**low, sizes.max() * 10.0**room)
-    elif sizes.max() < 100 * sizes.min():  # a single power of ten would tell little
+    elif not narrow and sizes.max() < 100 * sizes.min():  # a single power of ten would tell little
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     elif every > 1:
         axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 2) if e % every == 0]))

@@ -4,10 +4,10 @@ import importlib
 import json
 import os
 import shutil
-import time
 from collections import Counter
 from contextlib import contextmanager
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -46,10 +46,11 @@ def briefly():
 def test_what_is_short_is_repeated_for_longer_and_what_is_long_less_often(monkeypatch):
     monkeypatch.setattr(kernels, "SPREAD", 0.05)
     monkeypatch.setattr(kernels, "PATIENCE", 0.1)
-    for seconds, least, most in ((0.001, 6, 60), (0.04, 1, 4)):
+    for seconds, count in ((0.001, 50), (0.04, 3)):
         calls = []
-        kernels.fastest(lambda: calls.append(time.sleep(seconds)))
-        assert least <= len(calls) <= most
+        monkeypatch.setattr(kernels, "time", SimpleNamespace(perf_counter=lambda: len(calls) * seconds))
+        kernels.fastest(lambda: calls.append(None), clock=lambda: 0.0)
+        assert len(calls) == count
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import pytest
 from sim import engines, hop, reduction, vector
 from sim.lanes import LANES
 from sim.motion import motion
-from sim.packed import NORMAL, POINT, pack
+from sim.packed import FACE_WIDTH, NORMAL, POINT, pack
 from sim.rest import no_contacts
 from sim.shapes import Box, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver
@@ -86,7 +86,7 @@ def test_a_hop_behind_a_face_is_none():
 def test_a_bounce_lost_in_rounding_is_no_hop():
     """A ball that skims a face may come off it by less than its velocity is rounded by: whether it rests is not for hops to say."""
     rng = np.random.default_rng(7)
-    room = hop.hop_room(np.zeros((0, 8)))
+    room = hop.hop_room(np.zeros((0, FACE_WIDTH)))
     rows = room.lanes.reshape(-1, LANES)
     normals = rng.normal(size=(LANES, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
