@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import errno
 import os
+import threading
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -88,6 +89,8 @@ def carry_out(
         work, source = dataclasses.replace(work, folder=work.folder.absolute()), source.absolute()
     if work.todo or packing.batches(work.folder, work.pack):
         try:
+            if work.experiment.charts:  # while others work
+                threading.Thread(target=chart.load).start()
             with _workers(work, jobs or (os.cpu_count() or 1) // work.threads, cluster, gather) as workers:
                 _make(work, source, workers, gather, timeout, replace, fail_fast, progress)
             if cluster:

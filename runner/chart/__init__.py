@@ -69,6 +69,13 @@ def columns(chart: Any) -> dict[str, str]:
     return {name: column for name, column in named.items() if column is not None}
 
 
+def load() -> None:
+    """Import what drawing needs, which takes as long as to draw a chart."""
+    from matplotlib import style  # noqa: F401
+
+    from runner.chart import _page, _style  # noqa: F401
+
+
 def draw(chart: Any, table: pyarrow.Table, folder: Path) -> Figure:
     """Draw a `Chart` from the summary `table` and the runs in `folder` (outputs/<name>/).
 
