@@ -1,8 +1,8 @@
-"""Hops from face to face, many balls side by side: nearly all that the exact solver does in a scene of a few faces.
+"""Hops from touch to touch, many balls side by side: nearly all that the exact solver does under a constant acceleration.
 
-A hop is a flight under a constant acceleration that ends with a plain impact on a face, or with the ball's life. `fly` of
-`sim.travel` would take a ball over it in the same way, bit for bit; here vector instructions look for the touches of all balls at
-once, and reckon what comes of them. Whatever is not plain, say a ball that may come to rest, is left to `fly`.
+A hop is a flight that ends with a plain impact, or with the ball's life. `fly` of `sim.travel` would take a ball over it in the
+same way, bit for bit; here vector instructions reckon what comes of the touches of all balls at once, and look for these, too,
+where there are but a few faces. Whatever is not plain, say a ball that may come to rest, is left to `fly`.
 """
 
 from typing import NamedTuple
@@ -15,14 +15,16 @@ from sim.lanes import LANES, empty_lanes, lane, put
 from sim.log import note
 from sim.model import FASTEST
 from sim.motion import motion
-from sim.packed import NORMAL, POINT, SIDES, height, vector
-from sim.rest import STILL, comes_to_rest, no_contacts
+from sim.packed import NORMAL, POINT, SIDES, facing, height, vector
+from sim.penetration import count_passed
+from sim.rest import STILL, TOUCHING, comes_to_rest, no_contacts
 from sim.slabs import AXIS, FAR, HIGH, LOW, LOWER, UPPER, slabs
 from sim.state import (
     AGE,
     COUNT,
     END,
     EVENTS,
+    FLOWN,
     FRAME,
     LEFT,
     LOST,
@@ -37,8 +39,8 @@ from sim.state import (
     fill_rest,
     steady_work,
 )
-from sim.touch import NONE, first_fall, lands
-from sim.vector import dot, gap, gap_along, scale
+from sim.touch import NONE, first_fall, first_touch, lands
+from sim.vector import dot, gap, gap_along, norm, scale
 
 # Rows of the lanes, as in `sim.lanes`. First the state, then where the hop leads, in the same order.
 PLACE, SPEED = 0 * LANES, 3 * LANES  # m, m/s
@@ -81,13 +83,17 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
     """
     lanes, still = room.lanes, (0.0, 0.0, 0.0)
     mover = motion(0.0, still, still, forces, no_contacts())
-    outlines = len(features.outline) > len(features.faces)
+    few = is_open(features)
+    outlines = few and len(features.outline) > len(features.faces)
     upcoming, aboard = 0, 0
     for i in range(LANES):
         upcoming = board(states, upcoming, lanes, i, record)
         aboard += lanes[BALL + i] != NONE
     while aboard > 0 and budget > 0 and rows + LANES <= len(log):
-        look(room, features.faces, body.radius, mover.pull)
+        if few:
+            look(room, features.faces, body.radius, mover.pull)
+        else:
+            budget -= seek(lanes, features, search, body.radius, mover.pull)
         reckon(lanes, body, mover)
         if body.restitution < 1.0:
             calm(lanes, body, mover.pull)
@@ -120,6 +126,11 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
     return rows, budget
 
 
+def is_open(features):
+    """Whether balls can touch but a few faces, so that vector instructions hold all balls against each."""
+    return len(features.tree.items) == 0 and len(features.edges) == 0
+
+
 def board(states, upcoming, lanes, i, record):
     """Give lane i to the first ball from number `upcoming` on that flies freely; returns the number after it."""
     lanes[BALL + i], lanes[ENDS + i] = NONE, -1.0
@@ -127,7 +138,7 @@ def board(states, upcoming, lanes, i, record):
         s = states[ball]
         frame = int(s[FRAME])
         flies = frame < len(record.time) and record.time[frame] >= s[RELEASED] and s[AGE] < s[END]
-        if flies and s[COUNT] == 0.0 and s[LEFT] == NONE:
+        if flies and s[COUNT] == 0.0 and s[LEFT] == NONE and s[FLOWN] == NONE:
             for side in (0, KEPT):
                 put(lanes, side + PLACE, i, (s[X], s[X + 1], s[X + 2]))
                 put(lanes, side + SPEED, i, (s[V], s[V + 1], s[V + 2]))
@@ -238,6 +249,29 @@ def keep_first(lanes, i, f, normal, t):
     for k in range(3):
         row = NORMALS + k * LANES + i
         lanes[row] = normal[k] if sooner else lanes[row]
+
+
+def seek(lanes, features, search, radius, pull):
+    """The same, searched for each ball by itself; returns along how many chords of curves. A ball that runs along an edge, or passes
+    through a face, is left to `fly`."""
+    nothing, chords = no_contacts(), 0
+    for i in range(LANES):
+        if lanes[BALL + i] == NONE:
+            continue
+        curve, end = curve_in(lanes, i, pull), lanes[ENDS + i] - lanes[CLOCK + i]
+        item, t, near, count = first_touch(curve, features, search, radius, end, nothing, NONE)
+        chords += count
+        length = end if item == NONE else t
+        plain = count_passed(curve, features, search, radius, length, near) == 0
+        lanes[LEAST + i], lanes[HIT + i] = length, NOTHING if item == NONE else item
+        if item != NONE:
+            x, v = point(curve, t), slope(curve, t)
+            normal = facing(features, item, x)
+            plain &= item < len(features.faces) or dot(v, normal) < -TOUCHING * norm(v)
+            put(lanes, NORMALS, i, normal)
+        if not plain:
+            lanes[LEAST + i], lanes[HIT + i] = np.inf, 0.0
+    return chords
 
 
 def reckon(lanes, body, mover):

@@ -98,7 +98,7 @@ def travel(states, first, method, tolerance, blur, body, forces, features, searc
     flight or a chord of it at a time; call it again. DIVERGED: the ball's frames from its FRAME on are not good. STALLED: its
     events pile up.
     """
-    hopping = HOPS and len(features.tree.items) == 0 and len(features.edges) == 0 and len(forces.selective) == 0
+    hopping = HOPS and len(forces.selective) == 0
     rows = 0
     while True:
         if HOPS and hopping:
@@ -264,7 +264,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         if not count_event(s, age):
             how = STALLED
             break
-        if HOPS and hopping and contacts.count == 0 and left == NONE:
+        if HOPS and hopping and contacts.count == 0 and left == NONE and flown == NONE:
             how = READY
             break
 

@@ -5,19 +5,26 @@ import collections
 import numpy as np
 import pytest
 
-from sim import engines, hop, reduction, vector
+from sim import engines, hop, reduction, state, vector
 from sim.lanes import LANES
+from sim.log import Record
 from sim.motion import motion
-from sim.packed import FACE_WIDTH, NORMAL, POINT, pack
+from sim.packed import ALONG, FACE_WIDTH, NORMAL, POINT, START, pack
 from sim.rest import no_contacts
-from sim.shapes import Box, Plane, Rectangle
+from sim.shapes import Box, Heightfield, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver
 from sim.touch import first_fall
-from tests.sim.helpers import CORRIDOR, balls
+from tests.sim.helpers import CORRIDOR, ELASTIC, balls
+from tests.sim.test_swept import any_scene, free_balls
 
 ROOM = Box((0, 0, 0), (4, 3, 3.5), inside=True)
 FLOOR, WALL, ROOF = Plane((0, -1.4, 0), (0.1, 1, 0.05)), Plane((-1.9, 0, 0), (1, 0.2, 0)), Plane((0, 2, 0), (0, -1, 0))
 TILTED = {"floor": FLOOR, "wall": WALL, "roof": ROOF}
+HILLS = Heightfield((4, 4), (8, 8), "0.3*sin(3*x)*cos(2*z)")
+ABOVE = np.random.default_rng(4).uniform((-1.5, 0.5, -1.5), (1.5, 1.0, 1.5), (70, 3))
+LATE = np.arange(len(ABOVE))
+TABLE = {"table": Rectangle((0, 0.5, 0), (0, 1, 0), (1, 1)), "floor": Plane(), "wall": Plane((1.5, 0, 0), (-1, 0, 0))}
+ON_TABLE = (0, 0.56, 0)
 MANY = 1100  # more than are moved together, and no multiple of the lanes
 
 
@@ -48,11 +55,21 @@ def start(n, speed=5.0, **options):
         (Scene(surfaces={"room": ROOM, "shelf": Rectangle((0, -1.45, 0), (0, 1, 0), (1, 1))}), start(70)),
         (Scene(surfaces={"room": ROOM}, forces={"corridor": CORRIDOR}), start(70)),
         (Scene(), start(70)),
+        (Scene(surfaces={"hills": HILLS}, restitution=0.5, damping=0.0), balls(ABOVE, [0, 0, 0])),
+        (Scene(surfaces=TABLE, restitution=0.7, damping=0.0), balls(ON_TABLE, np.linspace((1, 0, 0), (5, 0, 0.3), 70))),
+        (Scene(surfaces={"hills": HILLS}, gravity=(3.0, -9.0, 1.0), **ELASTIC), balls(ABOVE, [0, 0, 0], released=0.01 * LATE)),
     ],
-    ids=["elastic", "emitted", "pulled two ways", "tilted", "resting", "sliding", "edges", "fields", "nothing to touch"],
+    ids=["elastic", "emitted", "pulled two ways", "tilted", "resting", "sliding", "edges", "fields", "nothing to touch"]
+    + ["in a tree", "off an edge", "pulled three ways in a tree"],
 )
 def test_hops_change_nothing(monkeypatch, scene, start):
     check_same(*flights(monkeypatch, scene, start))
+
+
+@pytest.mark.parametrize("seed", range(0, 20, 2))  # whose winds blow everywhere
+def test_hops_change_nothing_anywhere(monkeypatch, seed):
+    scene = any_scene(seed)
+    check_same(*flights(monkeypatch, scene, free_balls(scene, seed, 20)))
 
 
 def check_same(one, other):
@@ -81,6 +98,49 @@ def test_a_hop_behind_a_face_is_none():
         lanes[height + i], lanes[hop.KEPT + height + i], lanes[hop.PLAIN + i] = begin, end, 1.0
     hop.check(room, faces)
     assert list(lanes[hop.PLAIN :][:7]) == [1, 0, 1, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("column, value", [(state.COUNT, 1.0), (state.LEFT, 0.0), (state.FLOWN, 0.0)])
+def test_a_ball_on_a_surface_or_just_off_it_does_not_hop(column, value):
+    room = hop.hop_room(np.zeros((0, FACE_WIDTH)))
+    record = Record(np.linspace(0.0, 1.0, 3), *[np.zeros(0)] * 4)
+    states = state.depart_states(balls([[0, 1, 0]] * 2, [[0, 0, 0]]), 1.0, np.inf)
+    states[0, column] = value
+    assert hop.board(states, 0, room.lanes, 0, record) == 2
+    assert room.lanes[hop.BALL] == 1.0
+
+
+def test_what_a_search_finds(monkeypatch):
+    """Touches of faces and edges. Not those of an edge that a ball runs along, nor one on whose way it passes through a face: these
+    are for `fly` to tell."""
+    shelf = Scene(surfaces={"shelf": Rectangle((0, 0, 0), (0, 1, 0), (2, 2))}, gravity=(0, 0, 0))
+    features = Simulation(shelf, balls([0, 1, 0], [0, 0, 0]), Solver("exact"), 1.0, 1.0).features
+    e = next(k for k, edge in enumerate(features.edges) if abs(edge[START] - 1) < 1e-15 and abs(edge[ALONG + 2]) == 1)  # at x = 1
+    edge, r = len(features.faces) + e, 0.25
+    beside, across, grazing = (2, 0, 0), (-1, 0, 0), (-1e-13, 0, 1)
+    cases = [  # place, velocity; touched, after what time; faces passed through; whether it is a hop
+        ((0, 1, 0), (0, -1, 0), 0, 0.75, 0, True),
+        ((0, 1, 0), (0, -1, 0), 0, 0.75, 1, False),
+        (beside, across, edge, 0.75, 0, True),
+        ((1 + r, 0, 0), grazing, edge, 0.0, 0, False),
+        ((0, 1, 0), (0, 1, 0), hop.NONE, np.inf, 0, True),
+        ((0, 1, 0), (0, 1, 0), hop.NONE, np.inf, 1, False),
+    ]
+    room = hop.hop_room(features.faces[:0])
+    rows = room.lanes.reshape(-1, LANES)
+    rows[hop.BALL // LANES], rows[hop.ENDS // LANES] = hop.NONE, 2.0
+    for i, (x, v, *_) in enumerate(cases):
+        rows[:3, i], rows[3:6, i], rows[hop.BALL // LANES, i] = x, v, i
+    told, passed = iter([(item, t, 0, 1) for _, _, item, t, _, _ in cases]), iter([passed for *_, passed, _ in cases])
+    monkeypatch.setattr(hop, "first_touch", lambda *_: next(told))
+    monkeypatch.setattr(hop, "count_passed", lambda *given: next(passed))
+    hop.seek(room.lanes, features, None, r, (0.0, 0.0, 0.0))
+    for i, (_, _, item, t, _, is_hop) in enumerate(cases):
+        expected = (2.0, hop.NOTHING) if item == hop.NONE else (t, item)
+        assert ((rows[hop.LEAST // LANES, i], rows[hop.HIT // LANES, i]) == expected) == is_hop
+        if not is_hop:
+            assert rows[hop.LEAST // LANES, i] > 2.0 and rows[hop.HIT // LANES, i] != hop.NOTHING  # so later than it flies
+    assert rows[hop.NORMALS // LANES :][:3, 2] == pytest.approx([1, 0, 0], abs=1e-15)
 
 
 def test_a_bounce_lost_in_rounding_is_no_hop():
