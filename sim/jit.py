@@ -160,7 +160,7 @@ def _is_kernel(value: Any) -> bool:
 #: Kernels that stay functions of their own: too large to vanish, or seldom called.
 LARGE = {
     *("advance", "travel", "fly", "strike", "hop", "look", "reckon", "calm", "check", "onward", "response", "touch_edge", "beside"),
-    *("onto_face", "onto_edge", "count_passed", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out"),
+    *("onto_face", "onto_edge", "count_along", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out"),
     *("slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
     *("coast", "take", "march", "step_in", "commit"),
     *("ashore", "first_touch", "lies_on", "next_crossing", "falls_back", "majorant.fall", "falls_again", "off_face"),

@@ -16,11 +16,16 @@ def count_passed(curve, features, search, radius, end, near):
 
     The first `near` of what `search` has found are all that it comes near; with NONE that is found here.
     """
-    x1 = point(curve, end)
-    if len(features.tree.items) == 0 or near != NONE:
-        near = near if near != NONE else len(search.found)
-        return count_among(curve, features.faces, features.outline, search.found, near, x1, end)
-    always = features.everywhere
+    few = len(features.tree.items) == 0
+    if near == NONE and not few:
+        return count_along(curve, features, search, radius, end)
+    near = len(search.found) if near == NONE else near
+    return count_among(curve, features.faces, features.outline, search.found, near, point(curve, end), end)
+
+
+def count_along(curve, features, search, radius, end):
+    """The same, found piece by piece."""
+    always, x1 = features.everywhere, point(curve, end)
     count = count_among(curve, features.faces, features.outline, search.found, always, x1, end)
     s = 0.0
     while s < end:
