@@ -21,6 +21,7 @@ from numba.core.datamodel import models
 from numba.core.extending import NativeValue, intrinsic, register_model, unbox
 from numba.core.imputils import lower_builtin
 from numba.np import arrayobj
+from numba.np.numpy_support import as_dtype
 
 #: Of numba's passes those that our kernels have a use for: they have no closures, no `with`, no expressions of arrays, and nothing to
 #: count the references of.
@@ -167,6 +168,36 @@ def variables(statement, value):
     return [variable for each in value for variable in variables(statement, each)]
 
 
+def argument_type(model):
+    """An array as an argument: where its numbers are and its shape, which tells the rest where they lie side by side. numba would hand
+    on twice as much; and arrays are most of what kernels hand each other, by the dozen."""
+    return tuple(part.get_argument_type() for part in parts(model).values())
+
+
+def as_argument(model, builder, array):
+    return tuple(part.as_argument(builder, model.get(builder, array, name)) for name, part in parts(model).items())
+
+
+def from_argument(model, builder, values):
+    known = {name: part.from_argument(builder, value) for (name, part), value in zip(parts(model).items(), values)}
+    size, count = (ir.Constant(ir.IntType(64), n) for n in (as_dtype(model.fe_type.dtype).itemsize, 1))
+    strides = []
+    for length in reversed(cgutils.unpack_tuple(builder, known["shape"])):
+        strides.insert(0, builder.mul(count, size))
+        count = builder.mul(count, length)
+    known = {"nitems": count, "itemsize": size, "strides": cgutils.pack_array(builder, strides)} | known
+    array = cgutils.get_null_value(model.get_value_type())
+    for name, value in known.items():
+        array = model.set(builder, array, value, name)
+    return array
+
+
+def parts(model):
+    """What is handed on of an array; nobody counts references to it."""
+    names = ("data", "shape") if model.fe_type.layout == "C" else ("data", "shape", "strides")
+    return {name: model.get_model(model.get_field_position(name)) for name in names}
+
+
 def unheard(happened):
     """Nobody listens to how long numba takes for what."""
 
@@ -178,6 +209,9 @@ OURS = (
     (postproc.PostProcessor, "run", tidy),
     (numba_ir.Inst, "_rec_list_vars", variables),
     (event, "broadcast", unheard),
+    (models.ArrayModel, "get_argument_type", argument_type),
+    (models.ArrayModel, "as_argument", as_argument),
+    (models.ArrayModel, "from_argument", from_argument),
 )
 AROUND = (
     (types.BaseFunction, "get_call_type", remembering),

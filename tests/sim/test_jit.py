@@ -179,6 +179,33 @@ def test_a_kernel_calls_what_it_is_handed(tmp_path, copied):
         assert python(HANDED, copied, XDG_CACHE_HOME=str(tmp_path / "cache")).split() == ["7.0", "11.0", "1", hits]
 
 
+ARRAYS = """
+import numpy as np
+from sim import jit, probe
+jit.LARGE.add("told")
+row, slab = np.arange(12.0), np.arange(24, dtype=np.int32).reshape(2, 3, 4)
+for array in (row, row[::3], row > 5, slab, slab[:, ::2, 1:], slab.T, slab[:, 1]):
+    told = jit.bind(probe.outer)(array)
+    assert told == (array.shape, array.strides, array.size, array.itemsize, array.sum()), (told, array)
+"""
+ASKED = """
+def told(array):
+    total = 0
+    for k in array.flat:
+        total += k
+    return array.shape, array.strides, array.size, array.itemsize, total
+
+def outer(array):
+    return told(array)
+"""
+
+
+def test_a_function_that_stays_apart_is_handed_whole_arrays(tmp_path, copied):
+    """Of any number of dimensions, side by side or not."""
+    (copied / "sim/probe.py").write_text(ASKED)
+    python(ARRAYS, copied, XDG_CACHE_HOME=str(tmp_path / "cache"))
+
+
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path):
     (tmp_path / "file").write_text("")
     code = "from sim.jit import numba; print(numba().config.CACHE_DIR)"
