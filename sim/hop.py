@@ -83,7 +83,7 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
     """
     lanes, still = room.lanes, (0.0, 0.0, 0.0)
     mover = motion(0.0, still, still, forces, no_contacts())
-    few = is_open(features)
+    few = only_few_faces(features)
     outlines = few and len(features.outline) > len(features.faces)
     upcoming, aboard = 0, 0
     for i in range(LANES):
@@ -126,8 +126,8 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
     return rows, budget
 
 
-def is_open(features):
-    """Whether balls can touch but a few faces, so that vector instructions hold all balls against each."""
+def only_few_faces(features):
+    """Whether a ball can touch but a few faces, so that all balls are held against each."""
     return len(features.tree.items) == 0 and len(features.edges) == 0
 
 

@@ -41,7 +41,7 @@ def numba():
         home = Path(tempfile.gettempdir()) / f"carom-{os.getuid()}"
     numba.config.CACHE_DIR = str(home / digest.hexdigest()[:16])
     features = get_host_cpu_features()
-    # LLVM keeps to half of registers of 512 bits, as the first processors with them ran slower with all; those with this feature hardly do
+    # LLVM keeps to half of registers of 512 bits: the first processors with them ran slower with all, those with this feature hardly do
     if "+avx512vbmi2" in features and numba.config.CPU_NAME is None and numba.config.CPU_FEATURES is None:
         numba.config.CPU_FEATURES = f"{features},-prefer-256-bit"
     return numba
