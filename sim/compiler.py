@@ -266,6 +266,17 @@ def lowest_bit(typing, mask):
     return mask(mask), lower
 
 
+@intrinsic
+def fma(typing, a, b, c):
+    """`sim.instructions.fma` as the processor's instruction."""
+
+    def lower(context, builder, signature, arguments):
+        double = types.float64
+        return builder.fma(*(context.cast(builder, each, kind, double) for each, kind in zip(arguments, signature.args)))
+
+    return types.float64(a, b, c), lower
+
+
 class Entry:
     """A compiled function as kernels are handed it, and call it: by its address, whatever function it is. From Python it is the
     function itself."""

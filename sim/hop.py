@@ -26,6 +26,7 @@ from sim.state import (
     EVENTS,
     FLOWN,
     FRAME,
+    LATE,
     LEFT,
     LOST,
     MOST_EVENTS,
@@ -40,14 +41,14 @@ from sim.state import (
     steady_work,
 )
 from sim.touch import NONE, first_fall, first_touch, lands
-from sim.vector import dot, gap, gap_along, norm, scale
+from sim.vector import dot, gap, gap_along, norm, scale, two_sum
 
 # Rows of the lanes, as in `sim.lanes`. First the state, then where the hop leads, in the same order.
 PLACE, SPEED = 0 * LANES, 3 * LANES  # m, m/s
-CLOCK = 6 * LANES  # s, age
-WORKED, GONE = 7 * LANES, 8 * LANES  # J, done on the ball and lost at impacts since its release
-COUNTED, COUNTED_FROM = 9 * LANES, 10 * LANES  # events since that age (s)
-KEPT = 11 * LANES  # all of these
+CLOCK, BEHIND = 6 * LANES, 7 * LANES  # s, age, and what that is too low by
+WORKED, GONE = 8 * LANES, 9 * LANES  # J, done on the ball and lost at impacts since its release
+COUNTED, COUNTED_FROM = 10 * LANES, 11 * LANES  # events since that age (s)
+KEPT = 12 * LANES  # all of these
 ENDS = 2 * KEPT  # s, age at the end of the flight; below 0 in a lane without a ball
 BALL = ENDS + LANES  # its row of the states; NONE in a lane without a ball
 BORN = BALL + LANES  # s, of its release
@@ -144,6 +145,7 @@ def board(states, upcoming, lanes, i, record):
                 put(lanes, side + SPEED, i, (s[V], s[V + 1], s[V + 2]))
                 lanes[side + CLOCK + i], lanes[side + WORKED + i], lanes[side + GONE + i] = s[AGE], s[WORK], s[LOST]
                 lanes[side + COUNTED + i], lanes[side + COUNTED_FROM + i] = s[EVENTS], s[SINCE]
+                lanes[side + BEHIND + i] = s[LATE]
             lanes[BALL + i], lanes[ENDS + i], lanes[BORN + i], lanes[TAKEN + i] = ball, s[END], s[RELEASED], 0.0
             lanes[DUE + i] = record.time[frame] - s[RELEASED]
             return ball + 1
@@ -157,6 +159,7 @@ def leave(states, lanes, i, state):
         s[X + k], s[V + k] = lanes[state + PLACE + k * LANES + i], lanes[state + SPEED + k * LANES + i]
     s[AGE], s[WORK], s[LOST] = lanes[state + CLOCK + i], lanes[state + WORKED + i], lanes[state + GONE + i]
     s[EVENTS], s[SINCE] = lanes[state + COUNTED + i], lanes[state + COUNTED_FROM + i]
+    s[LATE] = lanes[state + BEHIND + i]
     s[STEPS] += lanes[TAKEN + i]
 
 
@@ -171,6 +174,11 @@ def finish(states, first, lanes, i, body, record):
         s[FRAME] = frame
 
 
+def left_in(lanes, i):
+    """How long (s) the flight of the ball in lane i may last."""
+    return lanes[ENDS + i] - lanes[CLOCK + i] - lanes[BEHIND + i]
+
+
 def curve_in(lanes, i, pull):
     """The flight of the ball in lane i."""
     return flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), pull, 0.0, 0.0)
@@ -180,7 +188,7 @@ def look(room, faces, radius, pull):
     """Find the first touch of all balls within their flights."""
     lanes, slabs, others = room
     for i in range(LANES):
-        lanes[LEAST + i], lanes[HIT + i] = lanes[ENDS + i] - lanes[CLOCK + i], NOTHING
+        lanes[LEAST + i], lanes[HIT + i] = left_in(lanes, i), NOTHING
     for s in range(len(slabs)):
         if pull[int(slabs[s, AXIS])] == 0.0:
             look_ahead(lanes, slabs, s, faces, radius)
@@ -258,7 +266,7 @@ def seek(lanes, features, search, radius, pull):
     for i in range(LANES):
         if lanes[BALL + i] == NONE:
             continue
-        curve, end = curve_in(lanes, i, pull), lanes[ENDS + i] - lanes[CLOCK + i]
+        curve, end = curve_in(lanes, i, pull), left_in(lanes, i)
         item, t, near, count = first_touch(curve, features, search, radius, end, nothing, NONE)
         chords += count
         length = end if item == NONE else t
@@ -283,10 +291,11 @@ def reckon(lanes, body, mover):
         x1, v1 = point(curve, t), slope(curve, t)
         v2, vn, squared = rebound(v1, normal, e, damping)
         sound = (dot(v1, v1) <= FASTEST * FASTEST) & (dot(x1, x1) < np.inf)
-        age = lanes[ENDS + i] if last else lanes[CLOCK + i] + t
+        age, behind = two_sum(lanes[CLOCK + i], t + lanes[BEHIND + i])
+        age, behind = lanes[ENDS + i] if last else age, 0.0 if last else behind
         anew = age - lanes[COUNTED_FROM + i] > 1.0
         count = 0.0 if anew else lanes[COUNTED + i] + 1.0
-        hits = (t < lanes[ENDS + i] - lanes[CLOCK + i]) & (dot(v1, normal) < 0.0)
+        hits = (t < left_in(lanes, i)) & (dot(v1, normal) < 0.0)
         leaves = (dot(v2, normal) > 0.0) & (dot(v2, v2) > STILL * STILL)
         plain = last | (hits & leaves & (count <= MOST_EVENTS))
         lanes[PLAIN + i] = 1.0 if plain & sound else 0.0
@@ -295,7 +304,7 @@ def reckon(lanes, body, mover):
         for k in range(3):
             lanes[KEPT + SPEED + k * LANES + i] = v1[k] if last else v2[k]
         lanes[INTO + i], lanes[PAST + i], lanes[LOSS + i] = vn, np.sqrt(squared), lost
-        lanes[KEPT + CLOCK + i] = age
+        lanes[KEPT + CLOCK + i], lanes[KEPT + BEHIND + i] = age, behind
         lanes[KEPT + WORKED + i] = lanes[WORKED + i] + steady_work(x, x1, mover.drive, body.mass)
         lanes[KEPT + GONE + i] = lanes[GONE + i] + lost
         lanes[KEPT + COUNTED + i], lanes[KEPT + COUNTED_FROM + i] = count, age if anew else lanes[COUNTED_FROM + i]
@@ -320,7 +329,7 @@ def show(states, first, lanes, i, mover, mass, record):
     frame, frames, released = int(states[ball, FRAME]), len(record.time), lanes[BORN + i]
     x, curve = lane(lanes, PLACE, i), curve_in(lanes, i, mover.pull)
     while frame < frames and record.time[frame] - released < lanes[KEPT + CLOCK + i]:
-        u = max(record.time[frame] - released - lanes[CLOCK + i], 0.0)
+        u = max(record.time[frame] - released - lanes[CLOCK + i] - lanes[BEHIND + i], 0.0)
         xu, vu = point(curve, u), slope(curve, u)
         worked = lanes[WORKED + i] + steady_work(x, xu, mover.drive, mass)
         if not fill(record, frame, first + ball, xu, vu, worked, lanes[GONE + i]):

@@ -20,7 +20,8 @@ LEFT = 30  # the face that the ball has just slid off
 STEP = 31  # s, to try next
 FLOWN = 32  # the edge or corner that the ball has just flown off
 SURE, PUSHED = 33, 34  # s, age up to which nothing can happen to it if nothing pushes harder (m/s^2, along each axis), as last seen
-WIDTH = 37
+LATE = 37  # s, what AGE is too low by: over many events it would add up
+WIDTH = 38
 
 
 def work_done(curve, t, x, v, x1, v1, mover, mass):

@@ -60,6 +60,7 @@ from sim.state import (
     END,
     FLOWN,
     FRAME,
+    LATE,
     LEFT,
     LOST,
     PUSHED,
@@ -79,7 +80,7 @@ from sim.state import (
     work_done,
 )
 from sim.touch import NONE, first_touch
-from sim.vector import ROUNDING, axpy, dot, norm, row, within
+from sim.vector import ROUNDING, axpy, dot, norm, row, two_sum, within
 
 # How a call ends.
 DONE, PAUSED, DIVERGED, STALLED, READY = 0, 1, 2, 3, 4
@@ -124,7 +125,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
     Returns (how it ended, rows of the log filled, what is left of the budget).
     """
     s = states[i]
-    x, v, age = row(states, i), (s[V], s[V + 1], s[V + 2]), s[AGE]
+    x, v, age, late = row(states, i), (s[V], s[V + 1], s[V + 2]), s[AGE], s[LATE]
     frame, frames = int(s[FRAME]), len(record.time)
     released, end_of_flight = s[RELEASED], s[END]
     while frame < frames and record.time[frame] < released:
@@ -158,7 +159,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
                 flown = flown if curved else NONE
         if curved:
             aim = min(limit, age + arc(features, x, v, mover, body.radius))
-        h = aim - age
+        h, beyond = aim - age - late, 0.0
         if contacts.held:
             curve, x1, v1 = flight(x, v, (0.0, 0.0, 0.0), 0.0, 0.0), x, v
         elif curved:
@@ -168,7 +169,8 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
                 a = acceleration(age, x, v, mover)
             curve, x1, v1, a, got, dt = depart(method, h, dt, tolerance, age, x, v, a, mover)
             if got < h:
-                h, aim = got, age + got
+                h = got
+                aim, beyond = two_sum(age, h + late)
 
         # the first event on it
         what, item, place, length, near = NOTHING, NONE, 0.0, h, 0
@@ -196,11 +198,11 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
                 what, item, length = OFF, k, t
         if curved and what == TOUCH and length > 0.0:
             length = meets(features, item, length, h, x, v, mover, body.radius)
-        arrival = aim if length == h else age + length
+        arrival, beyond = (aim, beyond) if length == h else two_sum(age, length + late)
 
         # frames on the way
         while frame < frames and record.time[frame] - released < arrival:
-            t = max(record.time[frame] - released - age, 0.0)
+            t = max(record.time[frame] - released - age - late, 0.0)
             if contacts.held:
                 xt, vt = x, v
             elif curved:
@@ -228,7 +230,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         if not free:
             s[CROSSED] += count_passed(curve, features, search, body.radius, length, near)
         s[STEPS] += 1.0
-        x, v, age = x1, v1, arrival
+        x, v, age, late = x1, v1, arrival, beyond
         if not (dot(v, v) <= FASTEST * FASTEST and dot(x, x) < np.inf):
             how = DIVERGED
             break
@@ -273,7 +275,7 @@ def fly(states, i, ball, hopping, method, tolerance, blur, body, forces, feature
         how = DONE if frame == frames else DIVERGED
     for k in range(3):
         s[X + k], s[V + k], s[PUSHED + k] = x[k], v[k], push[k]
-    s[AGE], s[FRAME], s[LEFT], s[FLOWN], s[STEP], s[SURE] = age, frame, left, flown, dt, sure
+    s[AGE], s[LATE], s[FRAME], s[LEFT], s[FLOWN], s[STEP], s[SURE] = age, late, frame, left, flown, dt, sure
     save_contacts(s, contacts)
     return how, rows, budget
 

@@ -2,12 +2,26 @@
 
 import numpy as np
 
+from sim.instructions import fma
+
 ROUNDING = 4 * np.finfo(float).eps
 
 
 def axpy(a, x, y):
     """a x + y."""
     return a * x[0] + y[0], a * x[1] + y[1], a * x[2] + y[2]
+
+
+def fused(a, x, y):
+    """a x + y, each part rounded once."""
+    return fma(a, x[0], y[0]), fma(a, x[1], y[1]), fma(a, x[2], y[2])
+
+
+def two_sum(a, b):
+    """a + b, and what it is too low by (Knuth 1997, The Art of Computer Programming, volume 2, section 4.2.2)."""
+    total = a + b
+    share = total - a
+    return total, (a - (total - share)) + (b - share)
 
 
 def scale(a, x):

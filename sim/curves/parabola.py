@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.curves.majorant import chord
-from sim.vector import across, axpy, dot, gap, norm, scale, size, sub
+from sim.vector import across, dot, fused, gap, norm, scale, size, sub
 
 
 def flight(x, v, k, b, w2):
@@ -20,11 +20,11 @@ def as_quintic(curve):
 
 def point(curve, s):
     x, v, k = curve
-    return axpy(s, axpy(0.5 * s, k, v), x)
+    return fused(s, fused(0.5 * s, k, v), x)
 
 
 def slope(curve, s):
-    return axpy(s, curve[2], curve[1])
+    return fused(s, curve[2], curve[1])
 
 
 def bend(curve, s, end):

@@ -4,11 +4,13 @@ import os
 import shutil
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from sim import advance, forces, integrators, jit, simulate
+from sim import advance, forces, integrators, jit, simulate, vector
 from sim.simulate import EXACT, Scene, Simulation, Solver
 from tests.sim.helpers import FREE, LIFT, balls
 
@@ -177,6 +179,22 @@ def test_a_kernel_calls_what_it_is_handed(tmp_path, copied):
     (copied / "sim/probe.py").write_text(PROBE)
     for hits in "01":
         assert python(HANDED, copied, XDG_CACHE_HOME=str(tmp_path / "cache")).split() == ["7.0", "11.0", "1", hits]
+
+
+def test_what_is_fused_is_rounded_once():
+    """As exact arithmetic tells, in kernels and in plain Python, where a product and a sum are rounded twice; also beyond numbers."""
+    rng, twice = np.random.default_rng(9), 0
+    kernel, plain = (jit.bind(vector.fused, compiled=compiled) for compiled in (True, False))
+    for _ in range(300):
+        a, (x, y) = rng.normal(), rng.normal(size=(2, 3))
+        y -= rng.choice([0.0, 1.0]) * a * x  # where most cancels
+        exact = tuple(float(Fraction(a) * Fraction(u) + Fraction(v)) for u, v in zip(x, y))
+        assert kernel(a, tuple(x), tuple(y)) == plain(a, tuple(x), tuple(y)) == exact
+        twice += exact != tuple(a * x + y)
+    assert twice > 100
+    beyond = 1e200, (1e200, np.inf, -np.inf), (1.0, -np.inf, np.nan)
+    assert np.array_equal(kernel(*beyond), (np.inf, np.nan, np.nan), equal_nan=True)
+    assert np.array_equal(plain(*beyond), (np.inf, np.nan, np.nan), equal_nan=True)
 
 
 ARRAYS = """
