@@ -23,7 +23,7 @@ import numpy as np
 
 from sim import advance, coast, forces, integrators, jit, lanes, motion, rest, state, travel
 from sim.curves import majorant
-from sim.hop import hop_room
+from sim.hop import hop_room, only_few_faces
 from sim.solvers import stepping
 from sim.walk import search_room
 
@@ -96,8 +96,8 @@ class Swept:
         if solver.stepping:
             loop, self._lanes = coast.coast, coast.coast_room
         else:
-            few = len(features.tree.items) == 0
-            loop, self._lanes = travel.travel, partial(hop_room, features.faces if few else features.faces[:0])
+            looked_at = features.faces if only_few_faces(features) else features.faces[:0]
+            loop, self._lanes = travel.travel, partial(hop_room, looked_at)
         self.kernel = jit.bind(loop, **bindings(solver.method, packed))
         self._rooms = []
 

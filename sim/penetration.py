@@ -16,8 +16,7 @@ def count_passed(curve, features, search, radius, end, near):
 
     The first `near` of what `search` has found are all that it comes near; with NONE that is found here.
     """
-    few = len(features.tree.items) == 0
-    if near == NONE and not few:
+    if near == NONE and len(features.tree.items) > 0:
         return count_along(curve, features, search, radius, end)
     near = len(search.found) if near == NONE else near
     return count_among(curve, features.faces, features.outline, search.found, near, point(curve, end), end)

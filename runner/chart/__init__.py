@@ -70,10 +70,9 @@ def columns(chart: Any) -> dict[str, str]:
 
 
 def load() -> None:
-    """Import what drawing needs, which takes as long as to draw a chart."""
-    from matplotlib import style  # noqa: F401
-
-    from runner.chart import _page, _style  # noqa: F401
+    """Import what drawing needs."""
+    for name in ("matplotlib.style", f"{__name__}._page", f"{__name__}._style"):
+        importlib.import_module(name)
 
 
 def draw(chart: Any, table: pyarrow.Table, folder: Path) -> Figure:

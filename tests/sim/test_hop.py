@@ -22,7 +22,6 @@ FLOOR, WALL, ROOF = Plane((0, -1.4, 0), (0.1, 1, 0.05)), Plane((-1.9, 0, 0), (1,
 TILTED = {"floor": FLOOR, "wall": WALL, "roof": ROOF}
 HILLS = Heightfield((4, 4), (8, 8), "0.3*sin(3*x)*cos(2*z)")
 ABOVE = np.random.default_rng(4).uniform((-1.5, 0.5, -1.5), (1.5, 1.0, 1.5), (70, 3))
-LATE = np.arange(len(ABOVE))
 TABLE = {"table": Rectangle((0, 0.5, 0), (0, 1, 0), (1, 1)), "floor": Plane(), "wall": Plane((1.5, 0, 0), (-1, 0, 0))}
 ON_TABLE = (0, 0.56, 0)
 MANY = 1100  # more than are moved together, and no multiple of the lanes
@@ -57,7 +56,7 @@ def start(n, speed=5.0, **options):
         (Scene(), start(70)),
         (Scene(surfaces={"hills": HILLS}, restitution=0.5, damping=0.0), balls(ABOVE, [0, 0, 0])),
         (Scene(surfaces=TABLE, restitution=0.7, damping=0.0), balls(ON_TABLE, np.linspace((1, 0, 0), (5, 0, 0.3), 70))),
-        (Scene(surfaces={"hills": HILLS}, gravity=(3.0, -9.0, 1.0), **ELASTIC), balls(ABOVE, [0, 0, 0], released=0.01 * LATE)),
+        (Scene(surfaces={"hills": HILLS}, gravity=(3.0, -9.0, 1.0), **ELASTIC), balls(ABOVE, [0, 0, 0], released=0.01 * np.arange(70))),
     ],
     ids=["elastic", "emitted", "pulled two ways", "tilted", "resting", "sliding", "edges", "fields", "nothing to touch"]
     + ["in a tree", "off an edge", "pulled three ways in a tree"],
