@@ -1,26 +1,26 @@
 """First touch as it must come out, in many digits, from the very numbers that a kernel gets.
 
-Along a parabola or a cubic the gaps are polynomials whose coefficients are floats. Nothing here rounds: mpmath is exact where it
-has more bits than the products have, and the roots are isolated in Bernstein form by Descartes' rule of signs (Lane and
-Riesenfeld 1981), to 21 digits. Along an oscillation they are looked for on a fine grid, and in 50 digits wherever the grid tells
-that there may be one.
+Along a parabola or a cubic the gaps are polynomials whose coefficients are floats. Nothing here rounds: they are fractions, and
+the roots are isolated in Bernstein form by Descartes' rule of signs (Lane and Riesenfeld 1981), to 21 digits. Along an oscillation
+they are looked for on a fine grid, and in 120 digits wherever the grid tells that there may be one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import comb, lcm
+from functools import cache
+from math import comb, inf, lcm
+from operator import mul
 from typing import NamedTuple
 
+import gmpy2
 import numpy as np
-from mpmath import MPContext
+from gmpy2 import mpfr, mpq
 
 from sim.geometry import EDGE
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, axis_of, segments
 
-EXACT, MANY = MPContext(), MPContext()
-EXACT.prec = 20_000  # more than a sum of products of floats ever needs; what it does not need costs nothing
-MANY.dps = 50
+gmpy2.get_context().precision = 400  # of every mpfr: 120 digits
 EPS = np.finfo(float).eps
 GRID = 1024
 
@@ -45,11 +45,11 @@ def inside(packed, f, x) -> tuple[bool, bool]:
     """Whether a point of the plane of face f is in its outline or on it; and whether it is so, or beside it by rounding only."""
     first, last = segments(packed.faces, packed.outline, f)
     axis = int(axis_of(packed.faces, packed.outline, f))
-    u, v = x[(axis + 1) % 3], x[(axis + 2) % 3]
+    u, v = mpq(x[(axis + 1) % 3]), mpq(x[(axis + 2) % 3])
     odd, close, near = first == last, first == last, 4 * EDGE * sum(abs(float(c)) for c in x)
     for u0, v0, u1, v1 in packed.outline[first:last].tolist():
         du, dv, a, b = u1 - u0, v1 - v0, u - u0, v - v0
-        side = (EXACT.mpf(u1) - u0) * b - (EXACT.mpf(v1) - v0) * a
+        side = (mpq(u1) - u0) * b - (mpq(v1) - v0) * a
         if (v0 > v) != (v1 > v) and (side > 0) == (dv > 0):
             odd = not odd
         if side == 0 and min(u0, u1) <= u <= max(u0, u1) and min(v0, v1) <= v <= max(v0, v1):
@@ -82,22 +82,33 @@ def prime(p):
     return [i * c for i, c in enumerate(p)][1:] or [p[0] * 0]
 
 
+@cache
+def bernstein(n) -> tuple[tuple[int, ...], ...]:
+    """What makes a multiple of the Bernstein coefficients of the coefficients of a polynomial of degree n."""
+    common = lcm(*(comb(n, i) for i in range(n + 1)))
+    return tuple(tuple(comb(j, i) * (common // comb(n, i)) for i in range(j + 1)) for j in range(n + 1))
+
+
 def falls(p, end) -> Iterator:
     """All s in [0, end] at which p goes from >= 0 to below, in order."""
-    parts = [(c * end**i)._mpf_ for i, c in enumerate(p)]
-    least = min((exponent for _, man, exponent, _ in parts if man), default=0)
-    whole = [(-1) ** sign * (int(man) << (exponent - least)) if man else 0 for sign, man, exponent, _ in parts]
+    parts = [c * end**i for i, c in enumerate(p)]
+    most = max(c.denominator.bit_length() for c in parts)  # powers of two
+    whole = [c.numerator << (most - c.denominator.bit_length()) for c in parts]
     n = len(p) - 1
-    common = lcm(*(comb(n, i) for i in range(n + 1)))
-    todo = [(0, 0, [sum(comb(j, i) * (common // comb(n, i)) * whole[i] for i in range(j + 1)) for j in range(n + 1)])]
+    todo = [(0, 0, [sum(map(mul, row, whole)) for row in bernstein(n)])]
     while todo:
         k, depth, b = todo.pop()  # the part [k, k + 1] / 2^depth of the whole
         above = [c >= 0 for c in b]
         changes = sum(one != other for one, other in zip(above, above[1:]))
         if changes == 0 or (changes == 1 and not above[0]) or depth > 400:
             continue
-        if changes == 1 and (k.bit_length() > 70 or depth > 300):
-            yield end * k / EXACT.mpf(2) ** depth
+        if changes == 1:
+            while k.bit_length() <= 70 and depth <= 300:
+                k, depth, value = 2 * k, depth + 1, 0
+                for i, c in enumerate(reversed(whole)):
+                    value = value * (k + 1) + (c << i * depth)
+                k += value >= 0
+            yield end * mpq(k, 1 << depth)
             continue
         left, right = [b[0] << n], [b[-1] << n]
         for j in range(1, n + 1):
@@ -109,12 +120,11 @@ def falls(p, end) -> Iterator:
 
 def touches(curve, packed, radius, end, ignored=()) -> list[Touch]:
     """The touches up to `end` (s), the earliest first, of a ball on x(s) = curve[0] + curve[1] s + ..., three floats each."""
-    one = EXACT.mpf
     # none that rounding could hide is told apart from contact at the start
     contact = 8 * EPS * size_of(packed, np.array(curve[0]), radius)
-    fast = np.linalg.norm(curve[1])
-    x = [[one(c[k]) for c in curve] for k in range(3)]
-    radius, end, found = one(radius), one(end), []
+    fast = float(np.linalg.norm(curve[1]))
+    x = [[mpq(c[k]) for c in curve] for k in range(3)]
+    radius, end, found = mpq(radius), mpq(end), []
 
     def away(p):
         """The polynomials of x - p."""
@@ -127,24 +137,24 @@ def touches(curve, packed, radius, end, ignored=()) -> list[Touch]:
         """Add the touches where g falls; `scale` g is the gap near its zeros, and g no less than `least` if not behind."""
         nonlocal end
         if abs(g[0]) * scale <= contact:
-            g = [one(0), *g[1:]]
+            g = [mpq(0), *g[1:]]
         dg = prime(g)
         sinks = dg[0] < 0 or (dg[0] == 0 and at(prime(dg), 0) < 0)
-        for s in [*([one(0)] if least <= g[0] < 0 and sinks else []), *falls(g, end)]:
+        for s in [*([mpq(0)] if least <= g[0] < 0 and sinks else []), *falls(g, end)]:
             sure, possible = where(s)
             if possible:
                 speed, push = -scale * at(dg, s), -scale * at(prime(dg), s)
                 sure &= s > 1e-14 * end or speed == 0 or bool(speed > 8 * EPS * fast)
                 found.append(Touch(float(s), item, float(speed), float(push), sure))
             if sure:
-                end = min(end, s * one(1.001) + one(1e-9))  # what comes later does not matter
+                end = min(end, mpq(1.001 * float(s) + 1e-9))  # what comes later does not matter
                 return
 
     n = len(packed.faces)
     for f in set(range(n)).difference(ignored):
         row = packed.faces[f].tolist()
-        normal = [one(c) for c in row[NORMAL : NORMAL + 3]]
-        height = along(normal, away(row[POINT : POINT + 3]))
+        normal = [mpq(c) for c in row[NORMAL : NORMAL + 3]]
+        height = along(normal, away([mpq(c) for c in row[POINT : POINT + 3]]))
         for side in (1, -1)[: int(row[SIDES])]:
 
             def foot(s, f=f, height=height, normal=normal):
@@ -154,38 +164,38 @@ def touches(curve, packed, radius, end, ignored=()) -> list[Touch]:
             keep(f, plus(-1, [radius], [side * c for c in height]), 1, -radius, foot)
     for e in set(range(len(packed.edges))).difference(i - n for i in ignored):
         row = packed.edges[e].tolist()
-        axis, length, off = [one(c) for c in row[ALONG : ALONG + 3]], one(row[LENGTH]), away(row[START : START + 3])
+        axis, length, off = [mpq(c) for c in row[ALONG : ALONG + 3]], mpq(row[LENGTH]), away([mpq(c) for c in row[START : START + 3]])
         share, unit = along(axis, off), sum(a * a for a in axis)
         square = plus(-radius, [radius], [sum(c) for c in zip(*(times(c, c) for c in off))])
-        slack = 1e-18 * (1 + end)
+        slack = mpq(1e-18) * (1 + end)
         for low, high, g in (
-            (-EXACT.inf, 0, square),
+            (-inf, 0, square),
             (0, length, plus(unit - 2, times(share, share), square)),
-            (length, EXACT.inf, plus(length * length * unit, [one(1)], plus(-2 * length, share, square))),
+            (length, inf, plus(length * length * unit, [mpq(1)], plus(-2 * length, share, square))),
         ):
 
             def there(s, low=low, high=high, share=share, slack=slack):
                 return (low - slack <= at(share, s) <= high + slack,) * 2
 
-            keep(n + e, g, 1 / (2 * MANY.mpf(radius)), -EXACT.inf, there)
+            keep(n + e, g, 1 / (2 * radius), -inf, there)
     return sorted(found)
 
 
 # Oscillations.
 
 
-def response(b, w2, s, ctx=MANY):
+def response(b, w2, s):
     """p, q and p', see `sim.curves.oscillation`."""
-    b, w2, s = ctx.mpf(b), ctx.mpf(w2), ctx.mpf(s)
+    b, w2, s = mpfr(b), mpfr(w2), mpfr(s)
     h, square = b / 2, b * b / 4 - w2
-    r = ctx.sqrt(abs(square))
+    r = gmpy2.sqrt(abs(square))
     if square > 0:
-        slow, fast = ctx.exp(-w2 / (h + r) * s), ctx.exp(-(h + r) * s)
+        slow, fast = gmpy2.exp(-w2 / (h + r) * s), gmpy2.exp(-(h + r) * s)
         p, dp = (slow - fast) / (2 * r), ((h + r) * fast - w2 / (h + r) * slow) / (2 * r)
     else:
-        c, w = ctx.cos_sin(r * s)
-        p = ctx.exp(-h * s) * (w / r if r else s)
-        dp = ctx.exp(-h * s) * c - h * p
+        decay, (w, c) = gmpy2.exp(-h * s), gmpy2.sin_cos(r * s)
+        p = decay * (w / r if r else s)
+        dp = decay * c - h * p
     return p, (1 - dp - b * p) / w2 if w2 else (s - p) / b if b else s * s / 2, dp
 
 
@@ -201,15 +211,19 @@ def grid(b, w2, step, n):
 
 
 def between(f, low, high):
-    """The root of f between, to 1e-36 of the way: by halving, as a gap may have a kink where the ball gets past an edge's end."""
-    return MANY.findroot(f, (low, high), solver="bisect", tol=0, maxsteps=120, verify=False)
+    """The root of f between, to 1e-24 of the way: by halving, as a gap may have a kink where the ball gets past an edge's end."""
+    above = f(low) > 0
+    for _ in range(80):
+        middle = (low + high) / 2
+        low, high = (middle, high) if (f(middle) > 0) == above else (low, middle)
+    return low
 
 
 def falls_along(gap, speed, g, dg, step, contact, least) -> Iterator:
     """The `falls` of the function `gap` with slope `speed`, which are `g` and `dg` on the grid."""
     sinks = dg[0] < 0 or (dg[0] == 0 and dg[1] < 0)
     if sinks and least <= g[0] <= contact:
-        yield MANY.mpf(0)
+        yield mpfr(0)
     if abs(g[0]) <= contact:
         g[0] = -1e-300 if sinks else 1e-300
     g0, g1, dg0, dg1 = g[:-1], g[1:], dg[:-1], dg[1:]
@@ -218,7 +232,7 @@ def falls_along(gap, speed, g, dg, step, contact, least) -> Iterator:
     dips = reach & (g0 > 0) & (g1 > 0) & (dg0 < 0) & (dg1 > 0)
     tops = reach & (g0 <= 0) & (g1 <= 0) & (dg0 > 0) & (dg1 < 0)
     for i in np.flatnonzero(through | dips | tops):
-        low, high = MANY.mpf(i * step), MANY.mpf((i + 1) * step)
+        low, high = mpfr(i * step), mpfr((i + 1) * step)
         if tops[i] or (through[i] and i == 0 and g[0] <= contact and dg[0] > 0):
             low = between(speed, low, high)
         elif dips[i]:
@@ -235,7 +249,7 @@ def touches_swinging(curve, packed, radius, end) -> list[Touch]:
     contact = 8 * EPS * size_of(packed, np.array(x), radius)
     p, q, dp = (column[:, None] for column in grid(b, w2, step, GRID))
     xs, vs = np.array(x) + p * v + q * k, dp * v + p * k
-    exact = [[MANY.mpf(c) for c in row] for row in (x, v, k)]
+    exact = [[mpfr(c) for c in row] for row in (x, v, k)]
 
     def state(s):
         p, q, dp = response(b, w2, s)
@@ -256,7 +270,7 @@ def touches_swinging(curve, packed, radius, end) -> list[Touch]:
 
     n = len(packed.faces)
     for f in range(n):
-        normal, point = ([MANY.mpf(c) for c in packed.faces[f, i : i + 3]] for i in (NORMAL, POINT))
+        normal, point = ([mpfr(c) for c in packed.faces[f, i : i + 3]] for i in (NORMAL, POINT))
 
         def foot(x, f=f, normal=normal, point=point):
             h = dot(normal, [c - a for c, a in zip(x, point)])
@@ -271,17 +285,17 @@ def touches_swinging(curve, packed, radius, end) -> list[Touch]:
             keep(f, gap, (xs - packed.faces[f, POINT : POINT + 3]) @ m - radius, vs @ m, -radius, foot)
     for e in range(len(packed.edges)):
         row = packed.edges[e]
-        start, axis = ([MANY.mpf(c) for c in row[i : i + 3]] for i in (START, ALONG))
+        start, axis = ([mpfr(c) for c in row[i : i + 3]] for i in (START, ALONG))
 
-        def gap(x, v, start=start, axis=axis, length=MANY.mpf(row[LENGTH])):
+        def gap(x, v, start=start, axis=axis, length=mpfr(row[LENGTH])):
             off = [c - a for c, a in zip(x, start)]
             share = min(max(dot(off, axis), 0), length)
             off = [c - share * a for c, a in zip(off, axis)]
-            distance = MANY.sqrt(dot(off, off))
+            distance = gmpy2.sqrt(dot(off, off))
             return distance - radius, dot(off, v) / distance
 
         off = xs - row[START : START + 3]
         off -= np.clip(off @ row[ALONG : ALONG + 3], 0, row[LENGTH])[:, None] * row[ALONG : ALONG + 3]
         distance = np.linalg.norm(off, axis=1)
-        keep(n + e, gap, distance - radius, (off * vs).sum(axis=1) / distance, -np.inf, lambda x: (True, True))
+        keep(n + e, gap, distance - radius, (off * vs).sum(axis=1) / distance, -inf, lambda x: (True, True))
     return sorted(found)
