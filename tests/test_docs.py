@@ -34,7 +34,7 @@ def test_the_readme_names_no_command_that_is_not_there():
 @pytest.mark.parametrize("option", sorted(set(re.findall(r"(?<=[ `(])--?[a-z][a-z-]*", README))))
 def test_the_readme_names_no_option_that_is_not_there(option):
     known = {name for command in COMMANDS.values() for parameter in command.params for name in parameter.opts}
-    of_others = {"-m", "-q", "-c", "--help"}  # python's, pytest's, pip's
+    of_others = {"-m", "-n", "-q", "-c", "--help"}  # python's, pytest's, pip's
     assert option in known | of_others
 
 

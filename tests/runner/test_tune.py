@@ -315,7 +315,7 @@ def step(out):
 
 def test_an_error_that_none_meets_exits_with_1_and_the_best_found(here, carom, two):
     Path("x.yaml").write_text(SPRING)
-    code, out, _ = carom("tune", "x.yaml", "--error", "1e-11", "--budget", "0.01")
+    code, out, _ = carom("tune", "x.yaml", "--error", "1e-11", "--budget", "0.1")
     assert code == 1 and "no method with steps is known to stay below 1e-11 m" in out
     assert "the best found: rk4_original with step " in out and "solver: {method: exact}" in out
 
