@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.packed import aligned, height
+from sim.memory import aligned
+from sim.packed import height
 from sim.walk import Search, search_room
 
 LANES = 64
@@ -44,7 +45,7 @@ class Block(NamedTuple):
 def empty_lanes(rows: int) -> np.ndarray:
     """So many rows (rows * LANES,) of zeros, from the beginning of a line of the cache on, which vector instructions had better not
     straddle."""
-    room = aligned(rows, LANES).ravel()
+    room = aligned((rows * LANES,))
     room[:] = 0.0
     return room
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.geometry import EDGE, Features
+from sim.memory import aligned
 from sim.tree import Tree
 from sim.vector import axpy, dot, norm, scale, sub
 from sim.walk import along
@@ -35,8 +36,8 @@ def pack(features: Features) -> Packed:
     """The features, in their order."""
     f, e = features.faces, features.edges
     n, count = len(f.surface), np.diff(f.first)
-    faces, edges = aligned(n, FACE_WIDTH), aligned(len(e.surface), EDGE_WIDTH)
-    outline, head = aligned(n + len(f.outline), OUTLINE_WIDTH), f.first[:-1] + np.arange(n)
+    faces, edges = aligned((n, FACE_WIDTH)), aligned((len(e.surface), EDGE_WIDTH))
+    outline, head = aligned((n + len(f.outline), OUTLINE_WIDTH)), f.first[:-1] + np.arange(n)
     faces[:, POINT : POINT + 3], faces[:, NORMAL : NORMAL + 3] = f.point, f.normal
     faces[:, SIDES], faces[:, OUTLINE] = 1.0 + f.two_sided, head
     outline[np.arange(len(f.outline)) + np.repeat(np.arange(n) + 1, count)] = f.outline
@@ -44,14 +45,6 @@ def pack(features: Features) -> Packed:
     edges[:, START : START + 3], edges[:, ALONG : ALONG + 3] = e.start, e.along
     edges[:, LENGTH], edges[:, OF] = e.length, e.surface
     return Packed(faces, outline, edges, features.tree, features.everywhere)
-
-
-def aligned(rows: int, columns: int) -> np.ndarray:
-    """An empty array (rows, columns) of numbers that begins with a line of the processor's cache."""
-    line, size = 64, 8 * rows * columns
-    raw = np.empty(size + line, np.uint8)
-    first = -raw.ctypes.data % line
-    return raw[first : first + size].view(float).reshape(rows, columns)
 
 
 def vector(rows, i, column):

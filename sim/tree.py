@@ -11,16 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.memory import aligned
+
 WIDE = 16  # boxes in a group
 
-# The last row of planes: the sine of the largest angle between the normal and the direction of a touch. Of a face it is none, though
-# that may have two sides; ANY where no angle is too large.
+# Rows of a group: corners of its boxes in m, rounded outward, (inf, -inf) where there is none; on the lowest level also the planes of
+# its items, each a unit normal, the offset (m) from the origin, and the sine of the largest angle between the normal and the direction
+# of a touch. Of a face that is none, though it may have two sides; ANY where no angle is too large.
+LOW, HIGH, NORMAL, OFFSET, SINE, ROWS = 0, 3, 6, 9, 10, 11
 FACE, ANY = np.float32(0.0), np.float32(2.0)
 
 
 class Tree(NamedTuple):
-    box: np.ndarray  # (groups, 6, WIDE) float32 m, lower and upper corners, rounded outward; (inf, -inf) where there is none
-    plane: np.ndarray  # (lowest groups, 5, WIDE) float32, of the items, as `build` gets them
+    groups: np.ndarray  # (groups, ROWS, WIDE) float32, the rows above
     items: np.ndarray  # (boxes,) the boxes in the order of the lowest groups, faces first in each; none: no tree
     ranks: np.ndarray  # (lowest groups, 3) int32, the rank of its first face, of its first other box, and how many are faces
     level: np.ndarray  # (levels + 1,) number of the first group on each level, the lowest first
@@ -36,8 +39,7 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
     """
     n = len(low)
     if n == 0:
-        none = [np.zeros((0, k, WIDE), np.float32) for k in (6, 5)]
-        return Tree(*none, np.zeros(0, np.int64), np.zeros((0, 3), np.int32), np.zeros(1, np.int64), 0.0)
+        return Tree(np.zeros(0, np.float32), np.zeros(0, np.int64), np.zeros((0, 3), np.int32), np.zeros(1, np.int64), 0.0)
     order = halved(low, high)
     is_face = plane[order, 4] == FACE if plane is not None else np.zeros(n, bool)
     order = order[np.lexsort((~is_face, np.arange(n) // WIDE))]
@@ -48,20 +50,20 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
     while sizes[-1] > 1:
         sizes.append(-(-sizes[-1] // WIDE))
     level = np.append(0, np.cumsum(sizes))
-    box = np.empty((level[-1], 6, WIDE), np.float32)
+    groups = aligned((level[-1], ROWS, WIDE), np.float32)
     below = [outward(corners[order, k], far) for corners, far in ((low, np.inf), (high, -np.inf)) for k in range(3)]
     for begin, size in zip(level, sizes):
-        groups = slice(begin, begin + size)
+        here = slice(begin, begin + size)
         for k in range(6):
-            join, empty = (np.minimum, np.inf) if k < 3 else (np.maximum, -np.inf)
-            box[groups, k] = grouped(below[k], size, empty)
-            below[k] = join.reduce(box[groups, k], axis=1)
-    planes = np.zeros((sizes[0], 5, WIDE), np.float32)
-    planes[:, 4] = ANY
+            join, empty = (np.minimum, np.inf) if k < HIGH else (np.maximum, -np.inf)
+            groups[here, k] = grouped(below[k], size, empty)
+            below[k] = join.reduce(groups[here, k], axis=1)
+    planes = groups[: sizes[0], NORMAL:]
+    planes[:], planes[:, SINE - NORMAL] = 0.0, ANY
     if plane is not None:
         for k in range(5):
             planes[:, k] = grouped(plane[order, k], sizes[0], 0.0)
-    return Tree(box, planes, order, ranks, level, float(max(np.abs(low).max(), np.abs(high).max())))
+    return Tree(groups.ravel(), order, ranks, level, float(max(np.abs(low).max(), np.abs(high).max())))
 
 
 def halved(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -113,13 +115,14 @@ def overlapping(tree: Tree, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
 
     All boxes go down the tree side by side. Without a tree there are none.
     """
+    groups = tree.groups.reshape(-1, ROWS, WIDE)
     query = np.arange(len(low) if len(tree.items) else 0)
     group = np.zeros_like(query)
     for begin in tree.level[-2::-1]:
         meets = np.ones((len(query), WIDE), bool)
         for k in range(3):
-            box = tree.box[begin + group]
-            meets &= (box[:, k] <= high[query, k, None]) & (low[query, k, None] <= box[:, 3 + k])
+            box = groups[begin + group]
+            meets &= (box[:, LOW + k] <= high[query, k, None]) & (low[query, k, None] <= box[:, HIGH + k])
         row, child = np.nonzero(meets)
         query, group = query[row], WIDE * group[row] + child
     return query, tree.items[group]

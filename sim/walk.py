@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.instructions import lowest_bit, prefetch
-from sim.tree import FACE, WIDE
+from sim.tree import FACE, HIGH, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
 
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
 TINY, HUGE = 1e-30, 1e30
@@ -70,10 +70,10 @@ def onward(tree, ray, reach, search, top, first):
             continue
         depth, group, bottom, last = stack[2 * top], stack[2 * top + 1], top, first
         if depth > 0 or ray.k == NONE:
-            meet(tree.box, tree.level[depth] + group, ray, reach, stay)
+            meet(tree.groups, tree.level[depth] + group, ray, reach, stay)
         if depth == 0:
-            sieve(tree.box, tree.plane, group, ray, reach, stay)
-        mask = met(tree.box, stay)
+            sieve(tree.groups, group, ray, reach, stay)
+        mask = met(stay)
         while mask != 0:
             c = lowest_bit(mask)
             mask &= mask - 1
@@ -87,10 +87,15 @@ def onward(tree, ray, reach, search, top, first):
     return 0, first
 
 
-def met(box, stay):
+def row(g, k):
+    """Where row k of group g begins."""
+    return (g * ROWS + k) * WIDE
+
+
+def met(stay):
     """The boxes of a group that the ray comes to, a bit for each."""
     mask = np.int64(0)
-    for c in range(box.shape[2]):
+    for c in range(len(stay) // 2):
         mask |= np.int64(1) << c if stay[c] <= stay[WIDE + c] else np.int64(0)
     return mask
 
@@ -104,11 +109,11 @@ def line_up(tree, search, bottom, top, depth, group, near):
         waits[place] = waits[place - 1]
         place -= 1
     stack[2 * place], stack[2 * place + 1], waits[place] = depth, group, near
-    for k in range(6):
-        prefetch(tree.box[tree.level[depth] + group], k)
+    for k in range(NORMAL):
+        prefetch(tree.groups, row(tree.level[depth] + group, k))
     if depth == 0:
-        for k in range(5):
-            prefetch(tree.plane[group], k)
+        for k in range(NORMAL, ROWS):
+            prefetch(tree.groups, row(group, k))
         prefetch(tree.ranks, group)
     return top + 1
 
@@ -180,27 +185,27 @@ def later(t):
     return np.float32(t) * LATE
 
 
-def meet(box, g, ray, reach, stay):
+def meet(groups, g, ray, reach, stay):
     """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
     i, j, last = ray.axes
     beside = ray.radius + ray.slack
     x, v, k = ray.x[2], ray.v[2], ray.k
     if k == NONE:
-        for c in range(box.shape[2]):  # of no length known in advance and with one array written: so it becomes vector instructions
-            near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
-            near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
-            near, far = within(box[g, last, c], box[g, last + 3, c], x, ray.inverse[2], beside, near * EARLY, far * LATE)
+        for c in range(len(stay) // 2):  # of no length known in advance and with one array written: so it becomes vector instructions
+            near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], beside, NONE, reach)
+            near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside, near, far)
+            near, far = within(groups[row(g, LOW + last) + c], groups[row(g, HIGH + last) + c], x, ray.inverse[2], beside, near * EARLY, far * LATE)
             stay[c], stay[WIDE + c] = near * EARLY, far * LATE
         return
     turn, above = -v / k, beside + ray.fuzz
     peak = x + HALF * v * turn
-    for c in range(box.shape[2]):
-        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], beside, NONE, reach)
-        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside, near, far)
+    for c in range(len(stay) // 2):
+        near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], beside, NONE, reach)
+        near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside, near, far)
         near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
         least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
-        misses = (least > box[g, last + 3, c] + above) | (most < box[g, last, c] - above)
+        misses = (least > groups[row(g, HIGH + last) + c] + above) | (most < groups[row(g, LOW + last) + c] - above)
         stay[c], stay[WIDE + c] = near, NEVER if misses else far
 
 
@@ -217,7 +222,7 @@ def within(low, high, x, inverse, beside, near, far):
     return a if a > near else near, b if b < far else far
 
 
-def sieve(box, plane, g, ray, reach, stay):
+def sieve(groups, g, ray, reach, stay):
     """The same for the items of the lowest group g, without those of which it is plain that the ball does not touch them in the time
     that it is at their boxes: by its height over their planes. What `meet` tells of a straight ray is taken over.
 
@@ -230,18 +235,19 @@ def sieve(box, plane, g, ray, reach, stay):
     straight = k == NONE
     turn = NEVER if straight else -v / k
     peak = x + HALF * v * turn
-    for c in range(plane.shape[2]):
-        n, m, u, offset, sine = plane[g, i, c], plane[g, j, c], plane[g, last, c], plane[g, 3, c], plane[g, 4, c]
+    for c in range(len(stay) // 2):
+        n, m, u = groups[row(g, NORMAL + i) + c], groups[row(g, NORMAL + j) + c], groups[row(g, NORMAL + last) + c]
+        offset, sine = groups[row(g, OFFSET) + c], groups[row(g, SINE) + c]
         face = sine == FACE
         aside, beside = ray.radius * min(abs(n) + sine, ONE), ray.radius * min(abs(m) + sine, ONE)
         near, far = (stay[c], stay[WIDE + c]) if straight else (NONE, reach)
-        near, far = within(box[g, i, c], box[g, i + 3, c], ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
-        near, far = within(box[g, j, c], box[g, j + 3, c], ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
+        near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
+        near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
         near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
         least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
         aloft = ray.radius * min(abs(u) + sine, ONE) + ray.slack + ray.fuzz
-        gone = (near > far) | (least > box[g, last + 3, c] + aloft) | (most < box[g, last, c] - aloft)
+        gone = (near > far) | (least > groups[row(g, HIGH + last) + c] + aloft) | (most < groups[row(g, LOW + last) + c] - aloft)
         span = far - near
         h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1]) + u * a - offset
         rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (v + near * k))
@@ -268,9 +274,9 @@ def distance(tree, x, reach, search):
         if waits[top] >= least:
             continue
         depth, group, bottom = stack[2 * top], stack[2 * top + 1], top
-        away(tree.box, tree.level[depth] + group, place, fuzz, stay)
+        away(tree.groups, tree.level[depth] + group, place, fuzz, stay)
         if depth == 0:
-            off(tree.plane, group, place, fuzz, stay)
+            off(tree.groups, group, place, fuzz, stay)
         for c in range(WIDE):
             if stay[c] < least:
                 if depth == 0:
@@ -280,17 +286,18 @@ def distance(tree, x, reach, search):
     return min(np.float64(least), reach)
 
 
-def away(box, g, x, fuzz, stay):
+def away(groups, g, x, fuzz, stay):
     """Write into `stay` how far x is from each of the boxes of group g at least."""
-    for c in range(box.shape[2]):
-        u = max(max(box[g, 0, c] - x[0], x[0] - box[g, 3, c]), NONE)
-        v = max(max(box[g, 1, c] - x[1], x[1] - box[g, 4, c]), NONE)
-        w = max(max(box[g, 2, c] - x[2], x[2] - box[g, 5, c]), NONE)
+    for c in range(len(stay) // 2):
+        u = max(max(groups[row(g, LOW) + c] - x[0], x[0] - groups[row(g, HIGH) + c]), NONE)
+        v = max(max(groups[row(g, LOW + 1) + c] - x[1], x[1] - groups[row(g, HIGH + 1) + c]), NONE)
+        w = max(max(groups[row(g, LOW + 2) + c] - x[2], x[2] - groups[row(g, HIGH + 2) + c]), NONE)
         stay[c] = np.sqrt(u * u + v * v + w * w) * EARLY - fuzz
 
 
-def off(plane, g, x, fuzz, stay):
+def off(groups, g, x, fuzz, stay):
     """The same for the items of the lowest group g, by their planes besides."""
-    for c in range(plane.shape[2]):
-        height = plane[g, 0, c] * x[0] + plane[g, 1, c] * x[1] + plane[g, 2, c] * x[2] - plane[g, 3, c]
-        stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(plane[g, 3, c]))
+    for c in range(len(stay) // 2):
+        n, m, u, offset = groups[row(g, NORMAL) + c], groups[row(g, NORMAL + 1) + c], groups[row(g, NORMAL + 2) + c], groups[row(g, OFFSET) + c]
+        height = n * x[0] + m * x[1] + u * x[2] - offset
+        stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(offset))

@@ -543,7 +543,7 @@ def test_unbounded_planes_come_first_and_stay_out_of_the_tree():
     assert found.everywhere == 2 and list(found.faces.surface[:2]) == [1, 3]
     assert sorted(found.faces.surface[2:]) == [0] * counts[0].faces + [2] * 6
     assert sorted(found.edges.surface) == [0] * counts[0].edges + [2] * 12
-    assert np.isfinite(found.tree.box[0]).all()
+    assert np.isfinite(found.tree.groups[0]).all()
     search = search_room(len(found.faces.axis) + len(found.edges.length))
     count = packed.ahead(pack(found), (0.0, 5.0, 0.0), (0.0, 1.0, 0.0), np.inf, search)
     assert list(search.found[:count]) == [0, 1]
