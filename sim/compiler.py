@@ -23,6 +23,8 @@ from numba.core.imputils import lower_builtin
 from numba.np import arrayobj
 from numba.np.numpy_support import as_dtype
 
+from sim.tree import WIDE
+
 #: Of numba's passes those that our kernels have a use for: they have no closures, no `with`, no expressions of arrays, and nothing to
 #: count the references of.
 PASSES = (
@@ -264,6 +266,21 @@ def lowest_bit(typing, mask):
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
 
     return mask(mask), lower
+
+
+@intrinsic
+def no_later(typing, times):
+    """`sim.instructions.no_later` by vector instructions."""
+
+    def lower(context, builder, signature, arguments):
+        array = arrayobj.make_array(signature.args[0])(context, builder, arguments[0])
+        lanes = ir.VectorType(ir.FloatType(), WIDE)
+        place = builder.bitcast(array.data, lanes.as_pointer())
+        begin, end = (builder.load(builder.gep(place, [ir.Constant(ir.IntType(32), k)]), align=4) for k in (0, 1))
+        bits = builder.bitcast(builder.fcmp_ordered("<=", begin, end), ir.IntType(WIDE))
+        return builder.zext(bits, ir.IntType(64))
+
+    return types.int64(times), lower
 
 
 @intrinsic

@@ -13,6 +13,12 @@ def lowest_bit(mask):
     return (int(mask) & -int(mask)).bit_length() - 1
 
 
+def no_later(times):
+    """Of 32 times a bit for each of the first 16 that is not after the one 16 places on."""
+    half = len(times) // 2
+    return sum(1 << c for c in range(half) if times[c] <= times[half + c])
+
+
 def fma(a, b, c):
     """a b + c, rounded once."""
     if not (isfinite(a) and isfinite(b) and isfinite(c)):

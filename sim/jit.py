@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from sim.instructions import fma, lowest_bit, prefetch
+from sim.instructions import fma, lowest_bit, no_later, prefetch
 
 
 @cache
@@ -80,7 +80,7 @@ def typed(values: tuple) -> tuple:
 
 @cache
 def _rebuild(function: Callable, names: tuple, compiled: bool, inner: bool = True) -> Callable:
-    if compiled and function in (fma, lowest_bit, prefetch):
+    if compiled and function in (fma, lowest_bit, no_later, prefetch):
         from sim import compiler
 
         return getattr(compiler, function.__name__)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.instructions import lowest_bit, prefetch
+from sim.instructions import lowest_bit, no_later, prefetch
 from sim.tree import FACE, HIGH, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
 
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
@@ -73,7 +73,7 @@ def onward(tree, ray, reach, search, top, first):
             meet(tree.groups, tree.level[depth] + group, ray, reach, stay)
         if depth == 0:
             sieve(tree.groups, group, ray, reach, stay)
-        mask = met(stay)
+        mask = no_later(stay)
         while mask != 0:
             c = lowest_bit(mask)
             mask &= mask - 1
@@ -90,14 +90,6 @@ def onward(tree, ray, reach, search, top, first):
 def row(g, k):
     """Where row k of group g begins."""
     return (g * ROWS + k) * WIDE
-
-
-def met(stay):
-    """The boxes of a group that the ray comes to, a bit for each."""
-    mask = np.int64(0)
-    for c in range(len(stay) // 2):
-        mask |= np.int64(1) << c if stay[c] <= stay[WIDE + c] else np.int64(0)
-    return mask
 
 
 def line_up(tree, search, bottom, top, depth, group, near):
