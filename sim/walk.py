@@ -87,11 +87,6 @@ def onward(tree, ray, reach, search, top, first):
     return 0, first
 
 
-def row(g, k):
-    """Where row k of group g begins."""
-    return (g * ROWS + k) * WIDE
-
-
 def line_up(tree, search, bottom, top, depth, group, near):
     """Put a group on the stack from place `bottom` on, in order: the nearest is on top; returns how many are on it. It will be looked
     at soon, so it is on its way into the cache."""
@@ -177,6 +172,21 @@ def later(t):
     return np.float32(t) * LATE
 
 
+def row(g, k):
+    """Where row k of group g begins."""
+    return (g * ROWS + k) * WIDE
+
+
+def bounds(groups, g, k, c):
+    """From where to where (m) box c of group g is along axis k."""
+    return groups[row(g, LOW + k) + c], groups[row(g, HIGH + k) + c]
+
+
+def normal(groups, g, axes, c):
+    """The parts along three axes of the normal of item c of the lowest group g."""
+    return groups[row(g, NORMAL + axes[0]) + c], groups[row(g, NORMAL + axes[1]) + c], groups[row(g, NORMAL + axes[2]) + c]
+
+
 def meet(groups, g, ray, reach, stay):
     """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
     i, j, last = ray.axes
@@ -184,20 +194,21 @@ def meet(groups, g, ray, reach, stay):
     x, v, k = ray.x[2], ray.v[2], ray.k
     if k == NONE:
         for c in range(len(stay) // 2):  # of no length known in advance and with one array written: so it becomes vector instructions
-            near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], beside, NONE, reach)
-            near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside, near, far)
-            near, far = within(groups[row(g, LOW + last) + c], groups[row(g, HIGH + last) + c], x, ray.inverse[2], beside, near * EARLY, far * LATE)
+            near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], beside, NONE, reach)
+            near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside, near, far)
+            near, far = within(bounds(groups, g, last, c), x, ray.inverse[2], beside, near * EARLY, far * LATE)
             stay[c], stay[WIDE + c] = near * EARLY, far * LATE
         return
     turn, above = -v / k, beside + ray.fuzz
     peak = x + HALF * v * turn
     for c in range(len(stay) // 2):
-        near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], beside, NONE, reach)
-        near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside, near, far)
+        near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], beside, NONE, reach)
+        near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside, near, far)
         near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
         least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
-        misses = (least > groups[row(g, HIGH + last) + c] + above) | (most < groups[row(g, LOW + last) + c] - above)
+        low, high = bounds(groups, g, last, c)
+        misses = (least > high + above) | (most < low - above)
         stay[c], stay[WIDE + c] = near, NEVER if misses else far
 
 
@@ -207,8 +218,9 @@ def extent_between(a, b, peak, turns):
     return min(least, peak) if turns else least, max(most, peak) if turns else most
 
 
-def within(low, high, x, inverse, beside, near, far):
-    """The part of the times `near` to `far` (s) at which a straight path is between `low` and `high` (m)."""
+def within(box, x, inverse, beside, near, far):
+    """The part of the times `near` to `far` (s) at which a straight path is between the bounds (m) of a box, or `beside` (m) that."""
+    low, high = box
     a, b = (low - beside - x) * inverse, (high + beside - x) * inverse
     a, b = (a, b) if inverse > NONE else (b, a)
     return a if a > near else near, b if b < far else far
@@ -228,18 +240,19 @@ def sieve(groups, g, ray, reach, stay):
     turn = NEVER if straight else -v / k
     peak = x + HALF * v * turn
     for c in range(len(stay) // 2):
-        n, m, u = groups[row(g, NORMAL + i) + c], groups[row(g, NORMAL + j) + c], groups[row(g, NORMAL + last) + c]
+        n, m, u = normal(groups, g, ray.axes, c)
         offset, sine = groups[row(g, OFFSET) + c], groups[row(g, SINE) + c]
         face = sine == FACE
         aside, beside = ray.radius * min(abs(n) + sine, ONE), ray.radius * min(abs(m) + sine, ONE)
         near, far = (stay[c], stay[WIDE + c]) if straight else (NONE, reach)
-        near, far = within(groups[row(g, LOW + i) + c], groups[row(g, HIGH + i) + c], ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
-        near, far = within(groups[row(g, LOW + j) + c], groups[row(g, HIGH + j) + c], ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
+        near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
+        near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
         near, far = near * EARLY, far * LATE
         a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
         least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
         aloft = ray.radius * min(abs(u) + sine, ONE) + ray.slack + ray.fuzz
-        gone = (near > far) | (least > groups[row(g, HIGH + last) + c] + aloft) | (most < groups[row(g, LOW + last) + c] - aloft)
+        low, high = bounds(groups, g, last, c)
+        gone = (near > far) | (least > high + aloft) | (most < low - aloft)
         span = far - near
         h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1]) + u * a - offset
         rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (v + near * k))
@@ -281,15 +294,18 @@ def distance(tree, x, reach, search):
 def away(groups, g, x, fuzz, stay):
     """Write into `stay` how far x is from each of the boxes of group g at least."""
     for c in range(len(stay) // 2):
-        u = max(max(groups[row(g, LOW) + c] - x[0], x[0] - groups[row(g, HIGH) + c]), NONE)
-        v = max(max(groups[row(g, LOW + 1) + c] - x[1], x[1] - groups[row(g, HIGH + 1) + c]), NONE)
-        w = max(max(groups[row(g, LOW + 2) + c] - x[2], x[2] - groups[row(g, HIGH + 2) + c]), NONE)
+        u, v, w = outside(bounds(groups, g, 0, c), x[0]), outside(bounds(groups, g, 1, c), x[1]), outside(bounds(groups, g, 2, c), x[2])
         stay[c] = np.sqrt(u * u + v * v + w * w) * EARLY - fuzz
+
+
+def outside(box, x):
+    """How far (m) x is outside the bounds (m) of a box."""
+    return max(max(box[0] - x, x - box[1]), NONE)
 
 
 def off(groups, g, x, fuzz, stay):
     """The same for the items of the lowest group g, by their planes besides."""
     for c in range(len(stay) // 2):
-        n, m, u, offset = groups[row(g, NORMAL) + c], groups[row(g, NORMAL + 1) + c], groups[row(g, NORMAL + 2) + c], groups[row(g, OFFSET) + c]
+        (n, m, u), offset = normal(groups, g, (0, 1, 2), c), groups[row(g, OFFSET) + c]
         height = n * x[0] + m * x[1] + u * x[2] - offset
         stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(offset))
