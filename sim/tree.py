@@ -23,7 +23,7 @@ FACE, ANY = np.float32(0.0), np.float32(2.0)
 
 
 class Tree(NamedTuple):
-    groups: np.ndarray  # (groups, ROWS, WIDE) float32, the rows above
+    groups: np.ndarray  # (groups * ROWS * WIDE,) float32, the rows above of one group after the other
     items: np.ndarray  # (boxes,) the boxes in the order of the lowest groups, faces first in each; none: no tree
     ranks: np.ndarray  # (lowest groups, 3) int32, the rank of its first face, of its first other box, and how many are faces
     level: np.ndarray  # (levels + 1,) number of the first group on each level, the lowest first
