@@ -69,6 +69,7 @@ def solve(lanes: int, work: Work) -> Answer:
 
 PEERS = [
     Peer("heyoka, this box only", partial(solve, 1), "exact", EVENTS, within=1e-11),
+    Peer("heyoka, this box only, 40 s", partial(solve, 1), "exact", EVENTS, within=1e-11, duration=40.0),
     Peer("heyoka, this box only, 300 s", partial(solve, 1), "exact", EVENTS, within=1e-10, duration=300.0, balls=100),
     Peer("heyoka, 4 balls side by side, this box only", partial(solve, 4), "exact", EVENTS, within=1e-11),
 ]
