@@ -24,6 +24,12 @@ record: {formats: [hdf5]}
 """
 
 
+def pytest_configure():
+    """A shell has what it starts in the background ignore Ctrl-C, which tests send."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 class Outcome(NamedTuple):
     """What came of a command."""
 
