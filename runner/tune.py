@@ -17,7 +17,7 @@ from runner.ladder import Found, Ladder, Trial
 from sim import integrators
 from sim.engines import Stalled
 from sim.model import Invalid
-from sim.simulate import EXACT, Simulation, Solver
+from sim.simulate import EXACT, Flight, Simulation, Solver
 
 LEAST = 1e-11  # m; what the exact solution itself is tested to
 BUDGET = 10.0  # s that a trial may take
@@ -197,10 +197,10 @@ class _Scene:
         while len(taken) < FEWEST and sum(taken) < BRIEF:
             start = time.thread_time()
             try:
-                flight = simulation.run(_deadline(self.budget))
+                flight, seconds = _timed(simulation, _deadline(self.budget))
             except Stalled:
                 return Trial(setting, math.inf, time.thread_time() - start, "stalled")
-            taken.append(time.thread_time() - start)
+            taken.append(seconds)
         whole = flight.status in ("finished", "rested")
         error = reference.position_errors(flight, self.truth).get("position_error_rms", math.inf) if whole else math.inf
         return Trial(setting, error, min(taken), flight.status)
@@ -260,6 +260,11 @@ def _timing(seconds: Sequence[float]) -> Timing:
 
 
 def _seconds(simulation: Simulation) -> float:
+    return _timed(simulation)[1]
+
+
+def _timed(simulation: Simulation, stop: Callable[[], bool] = lambda: False) -> tuple[Flight, float]:
+    """The flight, and the seconds it took."""
     start = time.thread_time()
-    simulation.run()
-    return time.thread_time() - start
+    flight = simulation.run(stop)
+    return flight, time.thread_time() - start

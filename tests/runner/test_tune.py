@@ -119,12 +119,14 @@ def hasty(monkeypatch):
 @pytest.fixture
 def counted(monkeypatch):
     """Time told by the number of steps, so that a choice is the same each time: 10 ns a step, 100 ns a piece of exact flight. That is
-    what they take, as those that cost far more are not timed, but judged by their trials."""
+    what they take; none is cut short by the clock."""
 
-    def seconds(simulation):
-        return simulation.run().steps * (1e-8 if simulation.solver.stepping else 1e-7)
+    def timed(simulation, stop=lambda: False):
+        flight = simulation.run(stop)
+        return flight, flight.steps * (1e-8 if simulation.solver.stepping else 1e-7)
 
-    monkeypatch.setattr(tune, "_seconds", seconds)
+    monkeypatch.setattr(tune, "_timed", timed)
+    monkeypatch.setattr(tune, "_deadline", lambda seconds: lambda: False)
 
 
 @pytest.fixture
@@ -295,7 +297,7 @@ def test_what_was_met_by_luck_is_marked():
 # The command
 
 
-def test_the_command(here, carom, two):
+def test_the_command(here, counted, carom, two):
     Path("x.yaml").write_text(SPRING + "matrix: {balls.mass: [1, 2]}\n")
     code, out, err = carom("tune", "x.yaml", "--error", "1e-3")
     assert code == 0 and "rk4_original" in out and "errors are over 2 balls at 1 s, after 0 bounces" in out
@@ -313,9 +315,9 @@ def step(out):
     return float(line.split("step: ")[1].split(",")[0])
 
 
-def test_an_error_that_none_meets_exits_with_1_and_the_best_found(here, carom, two):
+def test_an_error_that_none_meets_exits_with_1_and_the_best_found(here, counted, carom, two):
     Path("x.yaml").write_text(SPRING)
-    code, out, _ = carom("tune", "x.yaml", "--error", "1e-11", "--budget", "0.1")
+    code, out, _ = carom("tune", "x.yaml", "--error", "1e-11", "--budget", "0.01")
     assert code == 1 and "no method with steps is known to stay below 1e-11 m" in out
     assert "the best found: rk4_original with step " in out and "solver: {method: exact}" in out
 
