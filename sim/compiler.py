@@ -241,18 +241,18 @@ class SetApart(Melt):
 
 
 @intrinsic
-def prefetch(typing, array, row):
+def prefetch(typing, array, place):
     """`sim.instructions.prefetch` as the processor's instruction."""
 
     def lower(context, builder, signature, arguments):
         byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
         array = arrayobj.make_array(signature.args[0])(context, builder, arguments[0])
         offset = builder.mul(arguments[1], builder.extract_value(array.strides, 0))
-        place = builder.gep(builder.bitcast(array.data, byte), [offset])
+        start = builder.gep(builder.bitcast(array.data, byte), [offset])
         fetch = cgutils.get_or_insert_function(
             builder.module, ir.FunctionType(ir.VoidType(), [byte, number, number, number]), "llvm.prefetch.p0i8"
         )
-        builder.call(fetch, [place, number(READ), number(KEEP), number(DATA)])
+        builder.call(fetch, [start, number(READ), number(KEEP), number(DATA)])
         return context.get_dummy_value()
 
     return types.void(array, types.intp), lower

@@ -23,7 +23,7 @@ import numpy as np
 
 from sim import advance, coast, forces, integrators, jit, lanes, motion, rest, state, travel
 from sim.curves import majorant
-from sim.hop import hop_room, only_few_faces
+from sim.hop_lanes import hop_room, only_few_faces
 from sim.solvers import stepping
 from sim.walk import search_room
 

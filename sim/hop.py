@@ -1,24 +1,49 @@
 """Hops from touch to touch, many balls side by side: nearly all that the exact solver does under a constant acceleration.
 
 A hop is a flight that ends with a plain impact, or with the ball's life. `fly` of `sim.travel` would take a ball over it in the
-same way, bit for bit; here vector instructions reckon what comes of the touches of all balls at once, and look for these, too,
-where there are but a few faces. Whatever is not plain, say a ball that may come to rest, is left to `fly`.
+same way, bit for bit; here vector instructions reckon what comes of the touches of all balls at once, see also `sim.look`. Whatever
+is not plain, say a ball that may come to rest, is left to `fly`.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from sim.curves.parabola import fall_straight, flight, point, slope
+from sim.curves.parabola import point, slope
+from sim.hop_lanes import (
+    BALL,
+    BEHIND,
+    BORN,
+    CLOCK,
+    COUNTED,
+    COUNTED_FROM,
+    DUE,
+    ENDS,
+    GONE,
+    HIT,
+    INTO,
+    KEPT,
+    LEAST,
+    LOSS,
+    NORMALS,
+    NOTHING,
+    PAST,
+    PLACE,
+    PLAIN,
+    SPEED,
+    TAKEN,
+    WORKED,
+    curve_in,
+    left_in,
+    only_few_faces,
+)
 from sim.impact import energy_lost, rebound
-from sim.lanes import LANES, empty_lanes, lane, put
+from sim.lanes import LANES, lane, put
 from sim.log import note
+from sim.look import look, seek
 from sim.model import FASTEST
 from sim.motion import motion
-from sim.packed import NORMAL, POINT, SIDES, facing, height, vector
-from sim.penetration import count_passed
-from sim.rest import STILL, TOUCHING, comes_to_rest, no_contacts
-from sim.slabs import AXIS, FAR, HIGH, LOW, LOWER, UPPER, slabs
+from sim.packed import SIDES, height
+from sim.rest import STILL, comes_to_rest, no_contacts
+from sim.slabs import walls
 from sim.state import (
     AGE,
     COUNT,
@@ -40,41 +65,8 @@ from sim.state import (
     fill_rest,
     steady_work,
 )
-from sim.touch import NONE, first_fall, first_touch, lands
-from sim.vector import dot, gap, gap_along, norm, scale, two_sum
-
-# Rows of the lanes, as in `sim.lanes`. First the state, then where the hop leads, in the same order.
-PLACE, SPEED = 0 * LANES, 3 * LANES  # m, m/s
-CLOCK, BEHIND = 6 * LANES, 7 * LANES  # s, age, and what that is too low by
-WORKED, GONE = 8 * LANES, 9 * LANES  # J, done on the ball and lost at impacts since its release
-COUNTED, COUNTED_FROM = 10 * LANES, 11 * LANES  # events since that age (s)
-KEPT = 12 * LANES  # all of these
-ENDS = 2 * KEPT  # s, age at the end of the flight; below 0 in a lane without a ball
-BALL = ENDS + LANES  # its row of the states; NONE in a lane without a ball
-BORN = BALL + LANES  # s, of its release
-DUE = BORN + LANES  # s, age at the next frame
-TAKEN = DUE + LANES  # hops since it came into the lane
-LEAST, HIT = TAKEN + LANES, TAKEN + 2 * LANES  # s, to the first touch, and the face touched; NOTHING if none
-NORMALS = HIT + LANES  # of that, from the surface to the ball
-INTO, PAST = NORMALS + 3 * LANES, NORMALS + 4 * LANES  # m/s, normal and tangential speed of the impact
-LOSS = PAST + LANES  # J, at the impact
-PLAIN = LOSS + LANES  # 1 where the hop is plain
-ROWS = PLAIN // LANES + 1
-NOTHING = np.inf  # comes after all faces
-
-
-class Room(NamedTuple):
-    """What hops need."""
-
-    lanes: np.ndarray  # (ROWS * LANES,) the rows above, to reckon in
-    slabs: np.ndarray  # the faces, as `sim.slabs` has them
-    others: np.ndarray
-
-
-def hop_room(faces: np.ndarray) -> Room:
-    """Room for hops between packed faces."""
-    return Room(empty_lanes(ROWS), *slabs(faces))
-
+from sim.touch import NONE, lands
+from sim.vector import dot, two_sum
 
 def hop(states, first, body, forces, features, search, room, record, log, rows, budget):
     """Take the balls, rows of `states` numbered from `first` on, over hops as long as any has a plain one.
@@ -127,11 +119,6 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
     return rows, budget
 
 
-def only_few_faces(features):
-    """Whether a ball can touch but a few faces, so that all balls are held against each."""
-    return len(features.tree.items) == 0 and len(features.edges) == 0
-
-
 def board(states, upcoming, lanes, i, record):
     """Give lane i to the first ball from number `upcoming` on that flies freely; returns the number after it."""
     lanes[BALL + i], lanes[ENDS + i] = NONE, -1.0
@@ -172,114 +159,6 @@ def finish(states, first, lanes, i, body, record):
     frame = fill_rest(s, int(s[FRAME]), first + ball, place, speed, body.lifetime, record)
     if frame == len(record.time):
         s[FRAME] = frame
-
-
-def left_in(lanes, i):
-    """How long (s) the flight of the ball in lane i may last."""
-    return lanes[ENDS + i] - lanes[CLOCK + i] - lanes[BEHIND + i]
-
-
-def curve_in(lanes, i, pull):
-    """The flight of the ball in lane i."""
-    return flight(lane(lanes, PLACE, i), lane(lanes, SPEED, i), pull, 0.0, 0.0)
-
-
-def look(room, faces, radius, pull):
-    """Find the first touch of all balls within their flights."""
-    lanes, slabs, others = room
-    for i in range(LANES):
-        lanes[LEAST + i], lanes[HIT + i] = left_in(lanes, i), NOTHING
-    for s in range(len(slabs)):
-        if pull[int(slabs[s, AXIS])] == 0.0:
-            look_ahead(lanes, slabs, s, faces, radius)
-        else:
-            look_about(lanes, slabs, s, faces, radius, pull)
-    for j in range(len(others)):
-        look_at(lanes, faces, others[j], 1.0, radius, pull)
-        if faces[others[j], SIDES] > 1.0:
-            look_at(lanes, faces, others[j], -1.0, radius, pull)
-
-
-def look_ahead(lanes, slabs, s, faces, radius):
-    """The same between the walls of slab s, where nothing pulls toward them: a ball can but meet the one that it moves to."""
-    k, low, high, lower, upper = walls(slabs, s)
-    up, down = vector(faces, lower, NORMAL), vector(faces, upper, NORMAL)
-    for i in range(LANES):
-        x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
-        rises = v > 0.0
-        n, place = (-1.0, high) if rises else (1.0, low)
-        t = fall_straight(gap_along(n, x, place, radius), n * v, radius)
-        keep_first(lanes, i, upper if rises else lower, choose(rises, down, up), t if abs(place) < FAR else np.inf)
-
-
-def look_about(lanes, slabs, s, faces, radius, pull):
-    """The same where something pulls: on its way against that a ball meets the wall there, if it comes so far, else the other."""
-    k, low, high, lower, upper = walls(slabs, s)
-    turned = pull[k] > 0.0
-    n, push = (-1.0, -pull[k]) if turned else (1.0, pull[k])  # of the wall that it falls on
-    floor, roof = (high, low) if turned else (low, high)
-    floor_face, roof_face = (upper, lower) if turned else (lower, upper)
-    below, above = vector(faces, floor_face, NORMAL), vector(faces, roof_face, NORMAL)
-    for i in range(LANES):
-        x, v = lanes[PLACE + k * LANES + i], lanes[SPEED + k * LANES + i]
-        gap_floor, gap_roof, u = gap_along(n, x, floor, radius), gap_along(-n, x, roof, radius), n * v
-        rises = (u > 0.0) & (gap_roof >= -radius) & ((gap_roof <= 0.0) | (u * u - 2.0 * -push * gap_roof > 0.0))
-        place, f, line = (roof, roof_face, (gap_roof, -u, -push)) if rises else (floor, floor_face, (gap_floor, u, push))
-        t = first_fall(line, radius, np.inf)
-        keep_first(lanes, i, f, choose(rises, above, below), t if abs(place) < FAR else np.inf)
-
-
-def walls(slabs, s):
-    """The axis of slab s, where its walls are along it (m), and their numbers."""
-    return int(slabs[s, AXIS]), slabs[s, LOW], slabs[s, HIGH], int(slabs[s, LOWER]), int(slabs[s, UPPER])
-
-
-def choose(which, one, other):
-    return one[0] if which else other[0], one[1] if which else other[1], one[2] if which else other[2]
-
-
-def look_at(lanes, faces, f, side, radius, pull):
-    """The same for one side of any face."""
-    normal, place = scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT)
-    push = dot(normal, pull)
-    for i in range(LANES):
-        x, v = lane(lanes, PLACE, i), lane(lanes, SPEED, i)
-        line = gap(normal, x, place, radius), dot(normal, v), push
-        keep_first(lanes, i, f, normal, first_fall(line, radius, np.inf))
-
-
-def keep_first(lanes, i, f, normal, t):
-    """Note that the ball in lane i touches face f, with that normal, after t (s), if none sooner, and of those touched with it none
-    of a lower number."""
-    sooner = (t < lanes[LEAST + i]) | ((t == lanes[LEAST + i]) & (f < lanes[HIT + i]))
-    lanes[LEAST + i] = t if sooner else lanes[LEAST + i]
-    lanes[HIT + i] = f if sooner else lanes[HIT + i]
-    for k in range(3):
-        row = NORMALS + k * LANES + i
-        lanes[row] = normal[k] if sooner else lanes[row]
-
-
-def seek(lanes, features, search, radius, pull):
-    """The same, searched for each ball by itself; returns along how many chords of curves. A ball that runs along an edge, or passes
-    through a face, is left to `fly`."""
-    nothing, chords = no_contacts(), 0
-    for i in range(LANES):
-        if lanes[BALL + i] == NONE:
-            continue
-        curve, end = curve_in(lanes, i, pull), left_in(lanes, i)
-        item, t, near, count = first_touch(curve, features, search, radius, end, nothing, NONE)
-        chords += count
-        length = end if item == NONE else t
-        plain = count_passed(curve, features, search, radius, length, near) == 0
-        lanes[LEAST + i], lanes[HIT + i] = length, NOTHING if item == NONE else item
-        if item != NONE:
-            x, v = point(curve, t), slope(curve, t)
-            normal = facing(features, item, x)
-            plain &= item < len(features.faces) or dot(v, normal) < -TOUCHING * norm(v)
-            put(lanes, NORMALS, i, normal)
-        if not plain:
-            lanes[LEAST + i], lanes[HIT + i] = np.inf, 0.0
-    return chords
 
 
 def reckon(lanes, body, mover):

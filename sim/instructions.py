@@ -4,8 +4,9 @@ from fractions import Fraction
 from math import isfinite
 
 
-def prefetch(array, row):
-    """Have the first 64 bytes of a row of an array (n, k) brought into the cache, to be there when they are read; any row will do."""
+def prefetch(array, place):
+    """Have 64 bytes of an array brought into the cache, from a place along its first axis on, to be there when they are read; any place
+    will do."""
 
 
 def lowest_bit(mask):
@@ -14,7 +15,7 @@ def lowest_bit(mask):
 
 
 def no_later(times):
-    """Of 32 times a bit for each of the first 16 that is not after the one 16 places on."""
+    """Of the times (2 WIDE,) float32, see `sim.tree`, a bit for each of the first half that is not after its like in the second."""
     half = len(times) // 2
     return sum(1 << c for c in range(half) if times[c] <= times[half + c])
 

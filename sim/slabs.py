@@ -29,3 +29,8 @@ def slabs(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             found.append(slab)
         slab[LOW + down], slab[LOWER + down] = face[POINT + axis], f
     return np.array(found, float).reshape(-1, SLAB_WIDTH), np.array(others, np.int64)
+
+
+def walls(slabs, s):
+    """The axis of slab s, where its walls are along it (m), and their numbers."""
+    return int(slabs[s, AXIS]), slabs[s, LOW], slabs[s, HIGH], int(slabs[s, LOWER]), int(slabs[s, UPPER])

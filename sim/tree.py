@@ -119,9 +119,8 @@ def overlapping(tree: Tree, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
     query = np.arange(len(low) if len(tree.items) else 0)
     group = np.zeros_like(query)
     for begin in tree.level[-2::-1]:
-        meets = np.ones((len(query), WIDE), bool)
+        meets, box = np.ones((len(query), WIDE), bool), groups[begin + group, :NORMAL]
         for k in range(3):
-            box = groups[begin + group]
             meets &= (box[:, LOW + k] <= high[query, k, None]) & (low[query, k, None] <= box[:, HIGH + k])
         row, child = np.nonzero(meets)
         query, group = query[row], WIDE * group[row] + child

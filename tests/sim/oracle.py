@@ -211,9 +211,9 @@ def grid(b, w2, step, n):
 
 
 def between(f, low, high):
-    """The root of f between, to 1e-24 of the way: by halving, as a gap may have a kink where the ball gets past an edge's end."""
+    """The root of f between, to 1e-36 of the way: by halving, as a gap may have a kink where the ball gets past an edge's end."""
     above = f(low) > 0
-    for _ in range(80):
+    for _ in range(120):
         middle = (low + high) / 2
         low, high = (middle, high) if (f(middle) > 0) == above else (low, middle)
     return low

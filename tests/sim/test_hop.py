@@ -5,7 +5,7 @@ import collections
 import numpy as np
 import pytest
 
-from sim import engines, hop, reduction, state, vector
+from sim import engines, hop, hop_lanes, look, reduction, state, vector
 from sim.lanes import LANES
 from sim.log import Record
 from sim.motion import motion
@@ -13,7 +13,7 @@ from sim.packed import ALONG, FACE_WIDTH, NORMAL, POINT, START, pack
 from sim.rest import no_contacts
 from sim.shapes import Box, Heightfield, Plane, Rectangle
 from sim.simulate import Scene, Simulation, Solver
-from sim.touch import first_fall
+from sim.touch import NONE, first_fall
 from tests.sim.helpers import CORRIDOR, ELASTIC, balls
 from tests.sim.test_swept import any_scene, free_balls
 
@@ -90,23 +90,23 @@ def test_a_hop_behind_a_face_is_none():
     scene = Scene(surfaces={"floor": Plane(), "roof": roof, "shelf": shelf})
     simulation = Simulation(scene, balls([[0, 1, 0]], [[0, 0, 0]]), Solver("exact"), 1.0, 0.5)
     faces = simulation.features.faces
-    room = hop.hop_room(faces)
+    room = hop_lanes.hop_room(faces)
     lanes = room.lanes
-    height = hop.PLACE + LANES
+    height = hop_lanes.PLACE + LANES
     for i, (begin, end) in enumerate([(1.0, 0.5), (1.0, -0.5), (-1.0, 0.5), (2.0, 4.0), (4.0, 2.0), (3.0, 4.0), (4.0, 6.0)]):
-        lanes[height + i], lanes[hop.KEPT + height + i], lanes[hop.PLAIN + i] = begin, end, 1.0
+        lanes[height + i], lanes[hop_lanes.KEPT + height + i], lanes[hop_lanes.PLAIN + i] = begin, end, 1.0
     hop.check(room, faces)
-    assert list(lanes[hop.PLAIN :][:7]) == [1, 0, 1, 0, 0, 0, 0]
+    assert list(lanes[hop_lanes.PLAIN :][:7]) == [1, 0, 1, 0, 0, 0, 0]
 
 
 @pytest.mark.parametrize("column, value", [(state.COUNT, 1.0), (state.LEFT, 0.0), (state.FLOWN, 0.0)])
 def test_a_ball_on_a_surface_or_just_off_it_does_not_hop(column, value):
-    room = hop.hop_room(np.zeros((0, FACE_WIDTH)))
+    room = hop_lanes.hop_room(np.zeros((0, FACE_WIDTH)))
     record = Record(np.linspace(0.0, 1.0, 3), *[np.zeros(0)] * 4)
     states = state.depart_states(balls([[0, 1, 0]] * 2, [[0, 0, 0]]), 1.0, np.inf)
     states[0, column] = value
     assert hop.board(states, 0, room.lanes, 0, record) == 2
-    assert room.lanes[hop.BALL] == 1.0
+    assert room.lanes[hop_lanes.BALL] == 1.0
 
 
 def test_what_a_search_finds(monkeypatch):
@@ -122,42 +122,42 @@ def test_what_a_search_finds(monkeypatch):
         ((0, 1, 0), (0, -1, 0), 0, 0.75, 1, False),
         (beside, across, edge, 0.75, 0, True),
         ((1 + r, 0, 0), grazing, edge, 0.0, 0, False),
-        ((0, 1, 0), (0, 1, 0), hop.NONE, np.inf, 0, True),
-        ((0, 1, 0), (0, 1, 0), hop.NONE, np.inf, 1, False),
+        ((0, 1, 0), (0, 1, 0), NONE, np.inf, 0, True),
+        ((0, 1, 0), (0, 1, 0), NONE, np.inf, 1, False),
     ]
-    room = hop.hop_room(features.faces[:0])
+    room = hop_lanes.hop_room(features.faces[:0])
     rows = room.lanes.reshape(-1, LANES)
-    rows[hop.BALL // LANES], rows[hop.ENDS // LANES] = hop.NONE, 2.0
+    rows[hop_lanes.BALL // LANES], rows[hop_lanes.ENDS // LANES] = NONE, 2.0
     for i, (x, v, *_) in enumerate(cases):
-        rows[:3, i], rows[3:6, i], rows[hop.BALL // LANES, i] = x, v, i
+        rows[:3, i], rows[3:6, i], rows[hop_lanes.BALL // LANES, i] = x, v, i
     told, passed = iter([(item, t, 0, 1) for _, _, item, t, _, _ in cases]), iter([passed for *_, passed, _ in cases])
-    monkeypatch.setattr(hop, "first_touch", lambda *_: next(told))
-    monkeypatch.setattr(hop, "count_passed", lambda *given: next(passed))
-    hop.seek(room.lanes, features, None, r, (0.0, 0.0, 0.0))
+    monkeypatch.setattr(look, "first_touch", lambda *_: next(told))
+    monkeypatch.setattr(look, "count_passed", lambda *given: next(passed))
+    look.seek(room.lanes, features, None, r, (0.0, 0.0, 0.0))
     for i, (_, _, item, t, _, is_hop) in enumerate(cases):
-        expected = (2.0, hop.NOTHING) if item == hop.NONE else (t, item)
-        assert ((rows[hop.LEAST // LANES, i], rows[hop.HIT // LANES, i]) == expected) == is_hop
+        expected = (2.0, hop_lanes.NOTHING) if item == NONE else (t, item)
+        assert ((rows[hop_lanes.LEAST // LANES, i], rows[hop_lanes.HIT // LANES, i]) == expected) == is_hop
         if not is_hop:
-            assert rows[hop.LEAST // LANES, i] > 2.0 and rows[hop.HIT // LANES, i] != hop.NOTHING  # so later than it flies
-    assert rows[hop.NORMALS // LANES :][:3, 2] == pytest.approx([1, 0, 0], abs=1e-15)
+            assert rows[hop_lanes.LEAST // LANES, i] > 2.0 and rows[hop_lanes.HIT // LANES, i] != hop_lanes.NOTHING  # so later than it flies
+    assert rows[hop_lanes.NORMALS // LANES :][:3, 2] == pytest.approx([1, 0, 0], abs=1e-15)
 
 
 def test_a_bounce_lost_in_rounding_is_no_hop():
     """A ball that skims a face may come off it by less than its velocity is rounded by: whether it rests is not for hops to say."""
     rng = np.random.default_rng(7)
-    room = hop.hop_room(np.zeros((0, FACE_WIDTH)))
+    room = hop_lanes.hop_room(np.zeros((0, FACE_WIDTH)))
     rows = room.lanes.reshape(-1, LANES)
     normals = rng.normal(size=(LANES, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     speeds = [vector.across(n, rng.normal(size=3)) for n in normals]
-    rows[3:6], rows[hop.NORMALS // LANES :][:3], rows[hop.ENDS // LANES] = np.transpose(speeds), normals.T, 1.0
+    rows[3:6], rows[hop_lanes.NORMALS // LANES :][:3], rows[hop_lanes.ENDS // LANES] = np.transpose(speeds), normals.T, 1.0
     simulation = Simulation(Scene(restitution=1.0, damping=0.0), start(1), Solver("exact"), 1.0, 0.5)
     _, _, body, forces, _ = simulation.engine.given
     still = (0.0, 0.0, 0.0)
     hop.reckon(room.lanes, body, motion(0.0, still, still, forces, no_contacts()))
     comes = np.array([vector.dot(v, n) < 0.0 for v, n in zip(speeds, normals)])
-    goes = np.array([vector.dot(v, n) > 0.0 for v, n in zip(rows[hop.KEPT // LANES + 3 :][:3].T, normals)])
-    assert list(rows[hop.PLAIN // LANES]) == list(comes & goes)
+    goes = np.array([vector.dot(v, n) > 0.0 for v, n in zip(rows[hop_lanes.KEPT // LANES + 3 :][:3].T, normals)])
+    assert list(rows[hop_lanes.PLAIN // LANES]) == list(comes & goes)
     assert np.any(comes & goes) and np.any(comes & ~goes)
 
 
@@ -178,21 +178,21 @@ def test_a_look_at_slabs_is_one_at_every_face():
             f = rng.integers(len(faces))
             k = np.abs(normal[f]).argmax()
             x[k, i] = place[f, k] + normal[f, k] * radius * rng.choice([1.0, 1.0 + 1e-15, 0.5, -2.0])
-        room = hop.hop_room(faces)
+        room = hop_lanes.hop_room(faces)
         rows = room.lanes.reshape(-1, LANES)
-        rows[:3], rows[3:6], rows[hop.ENDS // LANES] = x, v, 10.0
+        rows[:3], rows[3:6], rows[hop_lanes.ENDS // LANES] = x, v, 10.0
         with np.errstate(over="ignore"):
-            hop.look(room, faces, radius, tuple(pull))
+            look.look(room, faces, radius, tuple(pull))
         for i in range(LANES):
             gaps = [vector.gap(n, x[:, i], p, radius) for n, p in zip(normal, place)]
             lines = [(gap, vector.dot(n, v[:, i]), vector.dot(n, pull)) for gap, n in zip(gaps, normal)]
             times = [first_fall(line, radius, np.inf) for line in lines]
             f = int(np.argmin(times))
             if times[f] >= 10.0:
-                assert rows[hop.HIT // LANES, i] == hop.NOTHING
+                assert rows[hop_lanes.HIT // LANES, i] == hop_lanes.NOTHING
                 continue
-            assert (rows[hop.HIT // LANES, i], rows[hop.LEAST // LANES, i]) == (f, times[f])
-            assert tuple(rows[hop.NORMALS // LANES :][:3, i]) == tuple(normal[f])
+            assert (rows[hop_lanes.HIT // LANES, i], rows[hop_lanes.LEAST // LANES, i]) == (f, times[f])
+            assert tuple(rows[hop_lanes.NORMALS // LANES :][:3, i]) == tuple(normal[f])
             met[np.sign(lines[f][2])] += 1
             met["at once"] += 0.0 < times[f] == np.delete(times, f).min(initial=np.inf)
     assert min(met[kind] for kind in (-1, 0, 1, "at once")) > 200
