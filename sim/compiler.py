@@ -269,29 +269,30 @@ def lowest_bit(typing, mask):
 
 
 @intrinsic
-def no_later(typing, times):
+def no_later(typing, times, place):
     """`sim.instructions.no_later` by vector instructions."""
 
     def lower(context, builder, signature, arguments):
         array = arrayobj.make_array(signature.args[0])(context, builder, arguments[0])
         lanes = ir.VectorType(ir.FloatType(), WIDE)
-        place = builder.bitcast(array.data, lanes.as_pointer())
+        place = builder.bitcast(builder.gep(array.data, [arguments[1]]), lanes.as_pointer())
         begin, end = (builder.load(builder.gep(place, [ir.Constant(ir.IntType(32), k)]), align=4) for k in (0, 1))
         bits = builder.bitcast(builder.fcmp_ordered("<=", begin, end), ir.IntType(WIDE))
         return builder.zext(bits, ir.IntType(64))
 
-    return types.int64(times), lower
+    return types.int64(times, types.int64), lower
 
 
 @intrinsic
 def fma(typing, a, b, c):
     """`sim.instructions.fma` as the processor's instruction."""
 
-    def lower(context, builder, signature, arguments):
-        double = types.float64
-        return builder.fma(*(context.cast(builder, each, kind, double) for each, kind in zip(arguments, signature.args)))
+    kind = types.float32 if a == b == c == types.float32 else types.float64
 
-    return types.float64(a, b, c), lower
+    def lower(context, builder, signature, arguments):
+        return builder.fma(*(context.cast(builder, each, of, kind) for each, of in zip(arguments, signature.args)))
+
+    return kind(a, b, c), lower
 
 
 class Entry:

@@ -97,7 +97,7 @@ class Swept:
             loop, self._lanes = coast.coast, coast.coast_room
         else:
             looked_at = features.faces if only_few_faces(features) else features.faces[:0]
-            loop, self._lanes = travel.travel, partial(hop_room, looked_at)
+            loop, self._lanes = travel.travel, partial(hop_room, looked_at, len(features.faces) + len(features.edges))
         self.kernel = jit.bind(loop, **bindings(solver.method, packed))
         self._rooms = []
 

@@ -86,7 +86,7 @@ def hop(states, first, body, forces, features, search, room, record, log, rows, 
         if few:
             look(room, features.faces, body.radius, mover.pull)
         else:
-            budget -= seek(lanes, features, search, body.radius, mover.pull)
+            budget -= seek(room, features, search, body.radius, mover.pull)
         reckon(lanes, body, mover)
         if body.restitution < 1.0:
             calm(lanes, body, mover.pull)
@@ -231,7 +231,7 @@ def tell(lanes, i, first, features, log, row):
 def check(room, faces):
     """Leave those hops to `fly` whose end is behind a face, or too near to tell: a touch never lets that happen, so it is looked
     for apart from it."""
-    lanes, slabs, others = room
+    lanes, slabs, others, _ = room
     for s in range(len(slabs)):
         k, low, high, _, _ = walls(slabs, s)
         row = PLACE + k * LANES

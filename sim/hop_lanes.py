@@ -7,6 +7,7 @@ import numpy as np
 from sim.curves.parabola import flight
 from sim.lanes import LANES, empty_lanes, lane
 from sim.slabs import slabs
+from sim.walk import Search, search_room
 
 # Rows of the lanes, as in `sim.lanes`. First the state, then where the hop leads, in the same order.
 PLACE, SPEED = 0 * LANES, 3 * LANES  # m, m/s
@@ -34,11 +35,12 @@ class Room(NamedTuple):
     lanes: np.ndarray  # (ROWS * LANES,) the rows above, to reckon in
     slabs: np.ndarray  # the faces, as `sim.slabs` has them
     others: np.ndarray
+    spare: Search  # room to search in for one ball while another does
 
 
-def hop_room(faces: np.ndarray) -> Room:
-    """Room for hops between packed faces."""
-    return Room(empty_lanes(ROWS), *slabs(faces))
+def hop_room(faces: np.ndarray, items: int = 0) -> Room:
+    """Room for hops between packed faces, or with searches among so many items."""
+    return Room(empty_lanes(ROWS), *slabs(faces), search_room(items))
 
 
 def only_few_faces(features):

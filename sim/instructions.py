@@ -3,6 +3,10 @@
 from fractions import Fraction
 from math import isfinite
 
+import numpy as np
+
+from sim.tree import WIDE
+
 
 def prefetch(array, place):
     """Have 64 bytes of an array brought into the cache, from a place along its first axis on, to be there when they are read; any place
@@ -14,14 +18,16 @@ def lowest_bit(mask):
     return (int(mask) & -int(mask)).bit_length() - 1
 
 
-def no_later(times):
-    """Of the times (2 WIDE,) float32, see `sim.tree`, a bit for each of the first half that is not after its like in the second."""
-    half = len(times) // 2
-    return sum(1 << c for c in range(half) if times[c] <= times[half + c])
+def no_later(times, place):
+    """Of WIDE times from `place` on a bit for each that is not after its like among the next WIDE, see `sim.tree`."""
+    return sum(1 << c for c in range(WIDE) if times[place + c] <= times[place + WIDE + c])
 
 
 def fma(a, b, c):
-    """a b + c, rounded once."""
+    """a b + c, rounded once; in single precision of three in it."""
+    if isinstance(a, np.float32):
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.float32(np.float64(a) * np.float64(b) + np.float64(c))
     if not (isfinite(a) and isfinite(b) and isfinite(c)):
         return a * b + c
     try:

@@ -163,7 +163,7 @@ LARGE = {
     *("onto_face", "onto_edge", "count_along", "load_contacts", "save_contacts", "slide_around", "turn", "arc", "passes_out"),
     *("slides_off", "curves", "reaches_end", "renewed", "reaction", "pressing", "pressed", "put_on", "meets", "stays_off"),
     *("coast", "take", "march", "step_in", "commit"),
-    *("ashore", "first_touch", "lies_on", "next_crossing", "falls_back", "majorant.fall", "falls_again", "off_face"),
+    *("ashore", "finish_search", "lies_on", "next_crossing", "falls_back", "majorant.fall", "falls_again", "off_face"),
 }
 
 

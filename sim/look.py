@@ -13,13 +13,13 @@ from sim.packed import NORMAL, POINT, SIDES, facing, vector
 from sim.penetration import count_passed
 from sim.rest import TOUCHING, no_contacts
 from sim.slabs import AXIS, FAR, walls
-from sim.touch import NONE, first_fall, first_touch
+from sim.touch import NONE, begin_search, finish_search, first_fall
 from sim.vector import dot, gap, gap_along, norm, scale
 
 
 def look(room, faces, radius, pull):
     """Find the first touch of all balls within their flights."""
-    lanes, slabs, others = room
+    lanes, slabs, others, _ = room
     for i in range(LANES):
         lanes[LEAST + i], lanes[HIT + i] = left_in(lanes, i), NOTHING
     for s in range(len(slabs)):
@@ -87,24 +87,39 @@ def keep_first(lanes, i, f, normal, t):
         lanes[row] = normal[k] if sooner else lanes[row]
 
 
-def seek(lanes, features, search, radius, pull):
-    """The same, searched for each ball by itself; returns along how many chords of curves. A ball that runs along an edge, or passes
-    through a face, is left to `fly`."""
-    nothing, chords = no_contacts(), 0
-    for i in range(LANES):
-        if lanes[BALL + i] == NONE:
+def seek(room, features, search, radius, pull):
+    """The same, searched for each ball by itself; returns along how many chords of curves. The search for a ball begins before that for
+    the one before it is finished: so what it has found is in the cache by then."""
+    lanes, spare = room.lanes, room.spare
+    chords, begun, length, top, count = 0, NONE, 0.0, 0, 0
+    for i in range(LANES + 1):
+        if i < LANES and lanes[BALL + i] == NONE:
             continue
-        curve, end = curve_in(lanes, i, pull), left_in(lanes, i)
-        item, t, near, count = first_touch(curve, features, search, radius, end, nothing, NONE)
-        chords += count
-        length = end if item == NONE else t
-        plain = count_passed(curve, features, search, radius, length, near) == 0
-        lanes[LEAST + i], lanes[HIT + i] = length, NOTHING if item == NONE else item
-        if item != NONE:
-            x, v = point(curve, t), slope(curve, t)
-            normal = facing(features, item, x)
-            plain &= item < len(features.faces) or dot(v, normal) < -TOUCHING * norm(v)
-            put(lanes, NORMALS, i, normal)
-        if not plain:
-            lanes[LEAST + i], lanes[HIT + i] = np.inf, 0.0
+        far, left, found = 0.0, 0, 0
+        if i < LANES:
+            far, left, found = begin_search(
+                curve_in(lanes, i, pull), features, search, radius, 0.0, left_in(lanes, i), no_contacts()
+            )
+        if begun != NONE:
+            chords += find(lanes, begun, length, top, count, features, spare, radius, pull)
+        begun, length, top, count = i, far, left, found
+        search, spare = spare, search
+    return chords
+
+
+def find(lanes, i, length, top, count, features, search, radius, pull):
+    """The same for the ball in lane i, by a search that has begun. A ball that runs along an edge, or passes through a face, is left to
+    `fly`."""
+    curve, end = curve_in(lanes, i, pull), left_in(lanes, i)
+    item, t, near, chords = finish_search(length, top, count, curve, features, search, radius, end, no_contacts(), NONE)
+    last = end if item == NONE else t
+    plain = count_passed(curve, features, search, radius, last, near) == 0
+    lanes[LEAST + i], lanes[HIT + i] = last, NOTHING if item == NONE else item
+    if item != NONE:
+        x, v = point(curve, t), slope(curve, t)
+        normal = facing(features, item, x)
+        plain &= item < len(features.faces) or dot(v, normal) < -TOUCHING * norm(v)
+        put(lanes, NORMALS, i, normal)
+    if not plain:
+        lanes[LEAST + i], lanes[HIT + i] = np.inf, 0.0
     return chords

@@ -41,29 +41,53 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     Third comes how many of `search.found` are all that the ball comes near until then, NONE where they are not kept; last along how
     many chords of the curve was looked.
     """
+    length, top, count = begin_search(curve, features, search, radius, 0.0, end, contacts)
+    return finish_search(length, top, count, curve, features, search, radius, end, contacts, left)
+
+
+def begin_search(curve, features, search, radius, s, end, contacts):
+    """Walk along a piece of the curve from s on, up to `end` (s), to the first features that the ball may touch: they are on their way
+    into the cache now. Returns the length (s) of the piece, how many groups are left on the stack, and the place after those found."""
+    if len(features.tree.items) == 0:
+        return end, 0, len(search.found)
+    length, ray = ray_along(curve, features.tree, radius, s, end, contacts)
+    top = enter(features.tree, search, ray_size(ray))
+    top, count = onward(features.tree, ray, length, search, top, features.everywhere)
+    announce(features, search.found, features.everywhere, count)
+    return length, top, count
+
+
+def ray_along(curve, tree, radius, s, end, contacts):
+    """The length (s) of a piece of the curve from s on, up to `end` (s), and the ray along it."""
+    length, path, margin = piece(curve, s, end, OFF * radius)
+    return length, cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
+
+
+def finish_search(length, top, count, curve, features, search, radius, end, contacts, left):
+    """The `first_touch` of a search that has begun."""
     tree = features.tree
     few = len(tree.items) == 0
     always = len(search.found) if few else features.everywhere
     for c in range(always):
         search.times[c], search.until[c] = 0.0, np.inf
     item, best = earliest(curve, features, search, 0, always, radius, 0.0, end, NONE, end, contacts, left)
-    s, count, chords = end if few else 0.0, always, 0
+    s, goal, near, chords = end if few else 0.0, end, always, 0
     while s < best:
-        chords += 1
-        length, path, margin = piece(curve, s, best, OFF * radius)
-        ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
-        top, done, count = enter(tree, search, ray_size(ray)), always, always
+        if s > 0.0:
+            goal = best
+            length, top, count = begin_search(curve, features, search, radius, s, goal, contacts)
+        chords, done = chords + 1, always
         while top > 0 or done < count:
             first = count
             if top > 0:  # those found before are looked at while the next are on their way into the cache
+                _, ray = ray_along(curve, tree, radius, s, goal, contacts)
                 top, count = onward(tree, ray, min(length, best - s), search, top, first)
                 announce(features, search.found, first, count)
             item, best = earliest(curve, features, search, done, first, radius, s, s + length, item, best, contacts, left)
             done = first
-        if s > 0.0:
-            count = NONE
+        near = count if s == 0.0 else NONE
         s += length
-    return item, best if item != NONE else np.inf, count, chords
+    return item, best if item != NONE else np.inf, near, chords
 
 
 def announce(features, found, first, last):
@@ -144,9 +168,7 @@ def earliest_face(curve, features, search, first, last, radius, begin, item, bes
             times[c] = beside(curve, faces, features.edges, features.outline, i, radius, best, contacts)
             if times[c] >= 0.0:
                 continue
-        times[c] = touch_side(curve, faces, i, 1.0, radius, best, i == left)
-        if faces[i, SIDES] > 1.0:
-            times[c] = min(times[c], touch_side(curve, faces, i, -1.0, radius, best, i == left))
+        times[c] = touch_plane(curve, faces, i, radius, since, best, i == left)
         if times[c] < since:  # on the face's plane, but not on it yet
             times[c] = falls_again(curve, faces, i, radius, times[c], best)
         if times[c] > till:  # or no more
@@ -253,8 +275,19 @@ def plane_gap(curve, faces, f, side, radius):
     return project(curve, scale(side, vector(faces, f, NORMAL)), vector(faces, f, POINT), radius)
 
 
+def touch_plane(curve, faces, f, radius, since, end, left):
+    """When (s) the ball first comes down on the plane of face f; not at once if it has just `left` the face.
+
+    The back is left out where the ball is in front of the plane at `since`: from there on it comes to it through the front.
+    """
+    s = touch_side(curve, faces, f, 1.0, radius, end, left)
+    if faces[f, SIDES] > 1.0 and not height(faces, f, point(curve, since)) > 0.0:
+        s = min(s, touch_side(curve, faces, f, -1.0, radius, end, left))
+    return s
+
+
 def touch_side(curve, faces, f, side, radius, end, left):
-    """When (s) the ball first comes down on a side of the plane of face f; not at once if it has just `left` the face."""
+    """The same for one side."""
     line = plane_gap(curve, faces, f, side, radius)
     s = first_fall(line, radius, end)
     if left and s * norm(slope(curve, 0.0)) <= FLAT * radius:
@@ -307,8 +340,8 @@ def touch_edge(curve, edges, e, radius, begin, end):
                 return -2.0 * speed / rise if -2.0 * speed / rise <= end else np.inf
         if gap <= noise and speed < 0.0:
             t = polish(s, gap, speed, m, noise)
-            # of a hop too low to see, not back to where it still rises
-            return t if 0.0 < t and dot(off, slope(near, t)) < 0.0 else s
+            # of a hop too low to see, not back to where it still rises; nor back where it was in touch from another side all along
+            return t if begin < t and dot(off, slope(near, t)) < 0.0 else s
         step = stride(gap, speed, m, noise)
         if wide > radius:
             step = max(step, stride(wide - radius, dot(line, v) / wide, bend(flat, s, end), noise))

@@ -14,12 +14,15 @@ import numpy as np
 from sim.memory import aligned
 
 WIDE = 16  # boxes in a group
+PORTION = 2**12 * WIDE  # items of groups that are worked on at once
 
-# Rows of a group: corners of its boxes in m, rounded outward, (inf, -inf) where there is none; on the lowest level also the planes of
-# its items, each a unit normal, the offset (m) from the origin, and the sine of the largest angle between the normal and the direction
-# of a touch. Of a face that is none, though it may have two sides; ANY where no angle is too large.
+# Rows of a group: corners of its boxes in m, rounded outward, (inf, -inf) where there is none; on the two lowest levels also planes, each
+# a unit normal, the offset (m) from the origin, and the sine of the largest angle between the normal and the direction of a touch. On
+# the lowest level they are those in which the items lie. Of a face that is none, though it may have two sides; ANY where no angle is too
+# large. On the next they are lids, under which all items of a lowest group are, and there the angle may be to either side of the normal.
 LOW, HIGH, NORMAL, OFFSET, SINE, ROWS = 0, 3, 6, 9, 10, 11
 FACE, ANY = np.float32(0.0), np.float32(2.0)
+ASKEW = 1e-3  # rad, by which angles under lids are taken for more: sines are of single precision, and none is that of a face
 
 
 class Tree(NamedTuple):
@@ -58,12 +61,44 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
             join, empty = (np.minimum, np.inf) if k < HIGH else (np.maximum, -np.inf)
             groups[here, k] = grouped(below[k], size, empty)
             below[k] = join.reduce(groups[here, k], axis=1)
-    planes = groups[: sizes[0], NORMAL:]
-    planes[:], planes[:, SINE - NORMAL] = 0.0, ANY
+    groups[:, NORMAL:], groups[:, SINE] = 0.0, ANY
     if plane is not None:
-        for k in range(5):
-            planes[:, k] = grouped(plane[order, k], sizes[0], 0.0)
+        plane = plane[order]
+        write_planes(groups[: sizes[0]], plane)
+        if len(sizes) > 1:
+            write_planes(groups[level[1] : level[2]], lids(low[order], high[order], plane))
     return Tree(groups.ravel(), order, ranks, level, float(max(np.abs(low).max(), np.abs(high).max())))
+
+
+def write_planes(groups: np.ndarray, planes: np.ndarray) -> None:
+    """Write planes (k, 5) into the rows of the groups, WIDE to each."""
+    for k in range(5):
+        groups[:, NORMAL + k] = grouped(planes[:, k], len(groups), ANY if NORMAL + k == SINE else 0.0)
+
+
+def lids(low: np.ndarray, high: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """The lids (groups, 5) of lowest groups, whose items have boxes (n, 3) m and planes (n, 5)."""
+    first = np.arange(0, len(plane), PORTION)
+    return np.concatenate([lids_of(*(each[i : i + PORTION] for each in (low, high, plane))) for i in first])
+
+
+def lids_of(low: np.ndarray, high: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """The same of some groups: the mean of the normals, all turned to the side of the first, is square to the lid."""
+    first, group = np.arange(0, len(plane), WIDE), np.arange(len(plane)) // WIDE
+    normal, offset, sine = plane[:, :3].astype(float), plane[:, 3], plane[:, 4]
+    side = np.where(np.einsum("ij,ij->i", normal, normal[first][group]) < 0.0, -1.0, 1.0)
+    normal *= side[:, None]
+    mean = np.add.reduceat(normal, first)
+    size = np.linalg.norm(mean, axis=1)
+    mean /= np.where(size > 0.0, size, 1.0)[:, None]
+    cosine = np.clip(np.einsum("ij,ij->i", normal, mean[group]), -1.0, 1.0)
+    angle = np.where(sine <= 1.0, np.arccos(cosine) + np.arcsin(np.minimum(sine, 1.0)) + ASKEW, np.pi)
+    angle = np.maximum.reduceat(angle, first)
+    # how far an item goes along the mean: along its normal as far as its plane is off, and across it as far as its box lets it
+    across = mean[group] - cosine[:, None] * normal
+    top = cosine * side * offset + np.einsum("ij,ij->i", across, 0.5 * low + 0.5 * high)
+    top += np.einsum("ij,ij->i", np.abs(across), 0.5 * high - 0.5 * low)
+    return np.column_stack([mean, np.maximum.reduceat(top, first), np.where(angle < 0.5 * np.pi, np.sin(angle), ANY)])
 
 
 def halved(low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -6,14 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.instructions import lowest_bit, no_later, prefetch
+from sim.instructions import fma, lowest_bit, no_later, prefetch
 from sim.tree import FACE, HIGH, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
 
+LIDS = 1  # the level whose groups have lids
+ABREAST = 4  # groups looked at together: the instructions of one wait for each other, those of several do not
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
 TINY, HUGE = 1e-30, 1e30
 SINGLE = np.float32(8 * np.finfo(np.float32).eps)  # what is known of a place in single precision, as a share of its coordinates
 EARLY, LATE = np.float32(1 - 1e-6), np.float32(1 + 1e-6)
-NEVER, NONE, HALF, ONE = np.float32(-1.0), np.float32(0.0), np.float32(0.5), np.float32(1.0)
+NEVER, NONE, HALF, ONE, INFINITE = np.float32(-1.0), np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(np.inf)
 
 
 class Search(NamedTuple):
@@ -24,13 +26,15 @@ class Search(NamedTuple):
     until: np.ndarray  # s
     stack: np.ndarray  # (2 DEEP,) level and number of the groups that wait to be looked at
     waits: np.ndarray  # (DEEP,) float32 s, when the path comes to them; for `distance` m, how far they are
-    stay: np.ndarray  # (2 WIDE,) float32 s, when the path comes to each box of a group, and when it leaves them; or m
+    stay: np.ndarray  # (ABREAST * 2 WIDE,) float32 s, when the path comes to each box of a group, and when it leaves them; or m
+    abreast: np.ndarray  # (2 ABREAST,) level and number of the groups that are looked at
 
 
 def search_room(n: int) -> Search:
     """For n items, all of them found."""
-    stack = np.zeros(2 * DEEP, np.int64), np.zeros(DEEP, np.float32), np.zeros(2 * WIDE, np.float32)
-    return Search(np.arange(n), np.zeros(n), np.full(n, np.inf), *stack)
+    stack, waits = np.zeros(2 * DEEP, np.int64), np.zeros(DEEP, np.float32)
+    stay, abreast = np.zeros(ABREAST * 2 * WIDE, np.float32), np.zeros(2 * ABREAST, np.int64)
+    return Search(np.arange(n), np.zeros(n), np.full(n, np.inf), stack, waits, stay, abreast)
 
 
 def along(tree, path, reach, radius, margin, search, first):
@@ -57,49 +61,54 @@ def enter(tree, search, size):
 
 
 def onward(tree, ray, reach, search, top, first):
-    """Walk on to the next group with items that the ray may meet within `reach` (s), roughly in order of time.
+    """Walk on to the next groups with items that the ray may meet within `reach` (s), roughly in order of time.
 
     Their ranks are written into `search.found` from place `first` on, with the times between which it may be there. Returns how many
     groups are left on the stack, none at the end, and the place after the items.
     """
-    found, since, until, stack, waits, stay = search
+    found, since, until, stack, waits, stay, abreast = search
     reach = later(reach)
     while top > 0:
-        top -= 1
-        if waits[top] > reach:
-            continue
-        depth, group, bottom, last = stack[2 * top], stack[2 * top + 1], top, first
-        if depth > 0 or ray.k == NONE:
-            meet(tree.groups, tree.level[depth] + group, ray, reach, stay)
-        if depth == 0:
-            sieve(tree.groups, group, ray, reach, stay)
-        mask = no_later(stay)
-        while mask != 0:
-            c = lowest_bit(mask)
-            mask &= mask - 1
-            if depth == 0:
-                found[last], since[last], until[last] = rank(tree, group, c), stay[c], stay[WIDE + c]
-                last += 1
-            else:
-                top = line_up(tree, search, bottom, top, depth - 1, WIDE * group + c, stay[c])
+        count = 0
+        while top > 0 and count < ABREAST:
+            top -= 1
+            if waits[top] <= reach:
+                abreast[2 * count], abreast[2 * count + 1] = stack[2 * top], stack[2 * top + 1]
+                count += 1
+        for j in range(count):
+            depth, group = abreast[2 * j], tree.level[abreast[2 * j]] + abreast[2 * j + 1]
+            if depth > LIDS or ray.k == NONE:
+                meet(tree.groups, group, ray, reach, stay, 2 * WIDE * j)
+            if depth <= LIDS:
+                sieve(tree.groups, group, ray, reach, depth == LIDS, stay, 2 * WIDE * j)
+        last = first
+        for j in range(count - 1, -1, -1):  # what is behind the nearest comes to lie on top
+            depth, group, near, bottom = abreast[2 * j], abreast[2 * j + 1], 2 * WIDE * j, top
+            mask = no_later(stay, near)
+            while mask != 0:
+                c = lowest_bit(mask)
+                mask &= mask - 1
+                if depth == 0:
+                    found[last], since[last], until[last] = rank(tree, group, c), stay[near + c], stay[near + WIDE + c]
+                    last += 1
+                else:
+                    top = line_up(tree, search, bottom, top, depth - 1, WIDE * group + c, stay[near + c])
         if last > first:
             return top, last
     return 0, first
 
 
 def line_up(tree, search, bottom, top, depth, group, near):
-    """Put a group on the stack from place `bottom` on, in order: the nearest is on top; returns how many are on it. It will be looked
-    at soon, so it is on its way into the cache."""
+    """Put a group on the stack from place `bottom` on, in order: the nearest is on top; returns how many are on it. One of the lowest
+    will be looked at soon, and is on its way into the cache."""
     stack, waits, place = search.stack, search.waits, top
     while place > bottom and waits[place - 1] < near:
         stack[2 * place], stack[2 * place + 1] = stack[2 * place - 2], stack[2 * place - 1]
         waits[place] = waits[place - 1]
         place -= 1
     stack[2 * place], stack[2 * place + 1], waits[place] = depth, group, near
-    for k in range(NORMAL):
-        prefetch(tree.groups, row(tree.level[depth] + group, k))
     if depth == 0:
-        for k in range(NORMAL, ROWS):
+        for k in range(ROWS):
             prefetch(tree.groups, row(group, k))
         prefetch(tree.ranks, group)
     return top + 1
@@ -187,29 +196,33 @@ def normal(groups, g, axes, c):
     return groups[row(g, NORMAL + axes[0]) + c], groups[row(g, NORMAL + axes[1]) + c], groups[row(g, NORMAL + axes[2]) + c]
 
 
-def meet(groups, g, ray, reach, stay):
-    """Write into `stay` when the ray is at the boxes of group g; those it does not come to it leaves before it comes."""
+def meet(groups, g, ray, reach, stay, begin):
+    """Write into `stay` from place `begin` on when the ray is at the boxes of group g; those it does not come to it leaves before it
+    comes."""
     i, j, last = ray.axes
+    (x, y, z), (_, _, vz), half = ray.x, ray.v, HALF * ray.k
     beside = ray.radius + ray.slack
-    x, v, k = ray.x[2], ray.v[2], ray.k
-    if k == NONE:
-        for c in range(len(stay) // 2):  # of no length known in advance and with one array written: so it becomes vector instructions
-            near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], beside, NONE, reach)
-            near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside, near, far)
-            near, far = within(bounds(groups, g, last, c), x, ray.inverse[2], beside, near * EARLY, far * LATE)
-            stay[c], stay[WIDE + c] = near * EARLY, far * LATE
+    if ray.k == NONE:
+        for c in range(len(stay) // (2 * ABREAST)):  # of no length known in advance and with one array written: so it is vectorised
+            near, far = within(bounds(groups, g, i, c), x, beside, NONE, NONE, ray.inverse[0], NONE, reach)
+            near, far = within(bounds(groups, g, j, c), y, beside, NONE, NONE, ray.inverse[1], near, far)
+            near, far = within(bounds(groups, g, last, c), z, beside, NONE, NONE, ray.inverse[2], near, far)
+            stay[begin + c], stay[begin + WIDE + c] = near, far
         return
-    turn, above = -v / k, beside + ray.fuzz
-    peak = x + HALF * v * turn
-    for c in range(len(stay) // 2):
-        near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], beside, NONE, reach)
-        near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside, near, far)
-        near, far = near * EARLY, far * LATE
-        a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
-        least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
+    turn, above = -vz / ray.k, beside + ray.fuzz
+    peak = at(turn, z, vz, half)
+    for c in range(len(stay) // (2 * ABREAST)):
+        near, far = within(bounds(groups, g, i, c), x, beside, NONE, NONE, ray.inverse[0], NONE, reach)
+        near, far = within(bounds(groups, g, j, c), y, beside, NONE, NONE, ray.inverse[1], near, far)
+        least, most = extent_between(at(near, z, vz, half), at(far, z, vz, half), peak, (near < turn) & (turn < far))
         low, high = bounds(groups, g, last, c)
         misses = (least > high + above) | (most < low - above)
-        stay[c], stay[WIDE + c] = near, NEVER if misses else far
+        stay[begin + c], stay[begin + WIDE + c] = near, NEVER if misses else far
+
+
+def at(t, x, v, half):
+    """Where x + v t + half t^2 is."""
+    return fma(t, fma(t, half, v), x)
 
 
 def extent_between(a, b, peak, turns):
@@ -218,54 +231,70 @@ def extent_between(a, b, peak, turns):
     return min(least, peak) if turns else least, max(most, peak) if turns else most
 
 
-def within(box, x, inverse, beside, near, far):
-    """The part of the times `near` to `far` (s) at which a straight path is between the bounds (m) of a box, or `beside` (m) that."""
-    low, high = box
-    a, b = (low - beside - x) * inverse, (high + beside - x) * inverse
-    a, b = (a, b) if inverse > NONE else (b, a)
+def within(box, x, slack, before, beyond, inverse, near, far):
+    """The part of the times `near` to `far` (s), and a little more, at which a straight path is between the bounds (m) of a box, or no
+    more than `slack` and `before` (m) before the first, `slack` and `beyond` (m) beyond the second."""
+    low, high = box[0] - (x + slack) - before, box[1] - (x - slack) + beyond
+    first, last = (low, high) if inverse > NONE else (high, low)
+    a, b = first * (inverse * EARLY), last * (inverse * LATE)
     return a if a > near else near, b if b < far else far
 
 
-def sieve(groups, g, ray, reach, stay):
-    """The same for the items of the lowest group g, without those of which it is plain that the ball does not touch them in the time
-    that it is at their boxes: by its height over their planes. What `meet` tells of a straight ray is taken over.
+def reaches(n, sine, radius, front):
+    """How far (m) before and beyond a box along an axis the ball may be that touches what is in it, under an angle with that `sine` to a
+    normal with the part n along the axis: to either side of it, but of a face whose `front` it touches straight before it."""
+    wide = radius * min(abs(n) + sine, ONE)
+    return -radius * n if front else wide, radius * n if front else wide
 
-    That is a quadratic of time, which stays between the least and the most of its control points. A ball touches a face where
-    it comes down on it, so not where it only rises. And since it touches along the plane's normal, but for a certain angle, it
-    is so high over an edge as the cosine of that tells, and no farther beside any box than the normal points that way.
+
+def sieve(groups, g, ray, reach, lids, stay, begin):
+    """The same for the boxes of a group with planes, or with `lids`, without those of which it is plain that the ball does not touch what
+    is in them in the time that it is there: by its height over the planes. What `meet` tells of a straight ray is taken over.
+
+    That is a quadratic of time, which stays between the least and the most of its control points. A ball touches a face where it comes
+    down on it, so not where it only rises, nor where it comes to it lower than that and sinks; and from its front if it begins there and
+    nothing pushes it back. Since it touches along the plane's normal, but for a certain angle, it is so high over an edge as the cosine
+    of that tells. And it flies away from whatever it may touch if its velocity is nearer to the normal than a right angle less that one.
     """
     i, j, last = ray.axes
-    x, v, k = ray.x[2], ray.v[2], ray.k
-    straight = k == NONE
-    turn = NEVER if straight else -v / k
-    peak = x + HALF * v * turn
-    for c in range(len(stay) // 2):
-        n, m, u = normal(groups, g, ray.axes, c)
+    (x, y, z), (vx, vy, vz), k, half = ray.x, ray.v, ray.k, HALF * ray.k
+    radius, slack, straight = ray.radius, ray.slack, k == NONE
+    turn = NEVER if straight else -vz / k
+    peak, flat = at(turn, z, vz, half), np.sqrt(vx * vx + vy * vy)
+    deep, up = (INFINITE, NONE) if lids else (NONE, INFINITE)  # nobody knows how far below a lid items go, nor which side of one is whose
+    for c in range(len(stay) // (2 * ABREAST)):
+        nx, ny, nz = normal(groups, g, ray.axes, c)
         offset, sine = groups[row(g, OFFSET) + c], groups[row(g, SINE) + c]
-        face = sine == FACE
-        aside, beside = ray.radius * min(abs(n) + sine, ONE), ray.radius * min(abs(m) + sine, ONE)
-        near, far = (stay[c], stay[WIDE + c]) if straight else (NONE, reach)
-        near, far = within(bounds(groups, g, i, c), ray.x[0], ray.inverse[0], aside + ray.slack, near, far)
-        near, far = within(bounds(groups, g, j, c), ray.x[1], ray.inverse[1], beside + ray.slack, near, far)
-        near, far = near * EARLY, far * LATE
-        a, b = x + near * (v + HALF * near * k), x + far * (v + HALF * far * k)
-        least, most = extent_between(a, b, peak, (near < turn) & (turn < far))
-        aloft = ray.radius * min(abs(u) + sine, ONE) + ray.slack + ray.fuzz
-        low, high = bounds(groups, g, last, c)
-        gone = (near > far) | (least > high + aloft) | (most < low - aloft)
-        span = far - near
-        h = n * (ray.x[0] + near * ray.v[0]) + m * (ray.x[1] + near * ray.v[1]) + u * a - offset
-        rise = HALF * span * (n * ray.v[0] + m * ray.v[1] + u * (v + near * k))
-        middle = h + rise
-        end = middle + rise + HALF * span * span * u * k
-        least, most = min(min(h, end), middle), max(max(h, end), middle)
+        face, cosine = sine == FACE, ONE - sine * sine  # at most
         fuzz = ray.fuzz + SINGLE * abs(offset)
-        above = least > ray.radius + ray.margin + fuzz
-        cosine = -ONE if face else ONE - sine * sine  # at most
-        below = most < cosine * ray.radius - ray.margin - fuzz
-        away = (h > fuzz) & (rise > ray.climb + fuzz) & (end > middle)
-        back = (h < -fuzz) & (rise < -ray.climb - fuzz) & (end < middle)
-        stay[c], stay[WIDE + c] = near, NEVER if gone | above | below | (face & (away | back)) else far
+        front = face & (nz * k <= NONE) & (fma(nz, z, fma(ny, y, fma(nx, x, -offset))) > radius + ray.climb + fuzz)
+
+        near, far = (stay[begin + c], stay[begin + WIDE + c]) if straight else (NONE, reach)
+        before, beyond = reaches(nx, sine, radius, front)
+        near, far = within(bounds(groups, g, i, c), x, slack, before, beyond, ray.inverse[0], near, far)
+        before, beyond = reaches(ny, sine, radius, front)
+        near, far = within(bounds(groups, g, j, c), y, slack, before, beyond, ray.inverse[1], near, far)
+        start = at(near, z, vz, half)
+        least, most = extent_between(start, at(far, z, vz, half), peak, (near < turn) & (turn < far))
+        before, beyond = reaches(nz, sine, radius, front)
+        low, high = bounds(groups, g, last, c)
+        beside = (near > far) | (least > high + (slack + ray.fuzz) + beyond) | (most < low - (slack + ray.fuzz) - before)
+
+        # of the height the control points, and how it changes from the first to the second and from there to the third
+        half_span, v0, v1 = HALF * (far - near), fma(near, k, vz), fma(far, k, vz)
+        height = fma(nz, start, fma(ny, fma(near, vy, y), fma(nx, fma(near, vx, x), -offset)))
+        rise = half_span * fma(nz, v0, fma(ny, vy, nx * vx))
+        rise_on = fma(half_span * half_span, (nz + nz) * k, rise)
+        middle, end = height + rise, height + rise + rise_on
+        least, most = min(min(height, end), middle), max(max(height, end), middle)
+        above = least > radius + ray.margin + fuzz
+        below = most < (-radius if face else cosine * radius) - ray.margin - fuzz - deep
+        aslant = half_span * sine
+        leaves = (rise - aslant * (flat + abs(v0)) > ray.climb + fuzz) & (rise_on > aslant * (flat + abs(v1)))
+        away = leaves & (height > fuzz - (NONE if face else cosine * radius + up))
+        under = radius - ray.margin - fuzz if near > NONE else -fuzz
+        back = face & (height < under) & (rise < -ray.climb - fuzz) & (rise_on < NONE)
+        stay[begin + c], stay[begin + WIDE + c] = near, NEVER if beside | above | below | away | back else far
 
 
 def distance(tree, x, reach, search):
@@ -293,7 +322,7 @@ def distance(tree, x, reach, search):
 
 def away(groups, g, x, fuzz, stay):
     """Write into `stay` how far x is from each of the boxes of group g at least."""
-    for c in range(len(stay) // 2):
+    for c in range(len(stay) // (2 * ABREAST)):
         u, v, w = outside(bounds(groups, g, 0, c), x[0]), outside(bounds(groups, g, 1, c), x[1]), outside(bounds(groups, g, 2, c), x[2])
         stay[c] = np.sqrt(u * u + v * v + w * w) * EARLY - fuzz
 
@@ -305,7 +334,7 @@ def outside(box, x):
 
 def off(groups, g, x, fuzz, stay):
     """The same for the items of the lowest group g, by their planes besides."""
-    for c in range(len(stay) // 2):
+    for c in range(len(stay) // (2 * ABREAST)):
         (n, m, u), offset = normal(groups, g, (0, 1, 2), c), groups[row(g, OFFSET) + c]
         height = n * x[0] + m * x[1] + u * x[2] - offset
         stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(offset))

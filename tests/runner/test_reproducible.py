@@ -14,17 +14,17 @@ RUNS = {each.run_id: each for each in load(Path(__file__).parents[2] / "configs/
 #: SHA-256 of all positions, velocities and bounces of the runs of configs/smoke.yaml. An id or a hash that changes needs a
 #: reason: a setting more or a new sim.ANSWERS make new ids, and a kernel that comes to other numbers needs a new sim.ANSWERS.
 PINNED = {
-    "explicit_euler-m1-d0.05-822fb14a3806": "f41cda85cf61c86bfbbb5a94b8c19f028d0fb85666fb03154626b365bbcf9e9a",
-    "implicit_euler-m1-d0.05-a60e64618754": "d42704d932ecfc94331623c54e332d6c67b8576a83cf4b384d5909315ca9ec86",
-    "symplectic_euler-m1-d0.05-966666a2aa48": "e7c4f0b80d830438d80aabd8f814cfc68520be92a29472e1ed41073c68c82c7c",
-    "symplectic_euler_drift_first-m1-d0.05-a0251f35e8a6": "31a484c507469343df4803b99d896fb0711fb8f9f576086024bea0211fc7f68e",
-    "velocity_verlet-m1-d0.05-6bdca97192e8": "1b96a466199df26da44b6af7c7d67ac734ef69b973de82e1e67cd1c1fc0aca2f",
-    "rk4_original-m1-d0.05-d9e7ad8b697b": "0f97ec9bb8ce816c457d97eee1e4f8aec6bb7dafc59cb015414747b6fe3d7c1d",
-    "rk4-m1-d0.05-a542f6b03fcd": "59a1fc6893c4f4509afffe632d3796651b83452cb0d87c5e1439217b90db0e4d",
-    "pefrl-m1-d0.05-717ee8cead84": "f7e269a4ec4817952ec6fce24201534fef00b68a1da0cf02b7264bc28cb7410c",
-    "dopri5-m1-d0.05-da29a0680a71": "c61e2b8920f54988894eaf306ad8e0c53e8d59978fcd796278df0e316eee600a",
-    "exact-m1-d0.05-51f2015ba516": "ab3691e15b67ea3044e142e76625c5641774bbce4d45f89988d76b68ba566b63",
-    "rk4_original-m1-d0.05-b6a7169a1a78": "f501f1854ca8f785d0e35a2a0bce9676f862f1070ea86ab97a25c1949cc24c5f",
+    "explicit_euler-m1-d0.05-14f1d1d5b9b0": "f41cda85cf61c86bfbbb5a94b8c19f028d0fb85666fb03154626b365bbcf9e9a",
+    "implicit_euler-m1-d0.05-a9f6b9147fe5": "d42704d932ecfc94331623c54e332d6c67b8576a83cf4b384d5909315ca9ec86",
+    "symplectic_euler-m1-d0.05-c4e6df10f4cb": "e7c4f0b80d830438d80aabd8f814cfc68520be92a29472e1ed41073c68c82c7c",
+    "symplectic_euler_drift_first-m1-d0.05-3740c07ca8d7": "31a484c507469343df4803b99d896fb0711fb8f9f576086024bea0211fc7f68e",
+    "velocity_verlet-m1-d0.05-4d01fe38af31": "1b96a466199df26da44b6af7c7d67ac734ef69b973de82e1e67cd1c1fc0aca2f",
+    "rk4_original-m1-d0.05-6f3d9cc74e34": "0f97ec9bb8ce816c457d97eee1e4f8aec6bb7dafc59cb015414747b6fe3d7c1d",
+    "rk4-m1-d0.05-720e56d622fb": "59a1fc6893c4f4509afffe632d3796651b83452cb0d87c5e1439217b90db0e4d",
+    "pefrl-m1-d0.05-a2b9275b680c": "f7e269a4ec4817952ec6fce24201534fef00b68a1da0cf02b7264bc28cb7410c",
+    "dopri5-m1-d0.05-c8ce3025dab5": "c61e2b8920f54988894eaf306ad8e0c53e8d59978fcd796278df0e316eee600a",
+    "exact-m1-d0.05-6522b30e523f": "ab3691e15b67ea3044e142e76625c5641774bbce4d45f89988d76b68ba566b63",
+    "rk4_original-m1-d0.05-3e6822f28b83": "f501f1854ca8f785d0e35a2a0bce9676f862f1070ea86ab97a25c1949cc24c5f",
 }
 
 

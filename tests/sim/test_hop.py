@@ -131,9 +131,9 @@ def test_what_a_search_finds(monkeypatch):
     for i, (x, v, *_) in enumerate(cases):
         rows[:3, i], rows[3:6, i], rows[hop_lanes.BALL // LANES, i] = x, v, i
     told, passed = iter([(item, t, 0, 1) for _, _, item, t, _, _ in cases]), iter([passed for *_, passed, _ in cases])
-    monkeypatch.setattr(look, "first_touch", lambda *_: next(told))
+    monkeypatch.setattr(look, "finish_search", lambda *_: next(told))
     monkeypatch.setattr(look, "count_passed", lambda *given: next(passed))
-    look.seek(room.lanes, features, None, r, (0.0, 0.0, 0.0))
+    look.seek(room, features, room.spare, r, (0.0, 0.0, 0.0))
     for i, (_, _, item, t, _, is_hop) in enumerate(cases):
         expected = (2.0, hop_lanes.NOTHING) if item == NONE else (t, item)
         assert ((rows[hop_lanes.LEAST // LANES, i], rows[hop_lanes.HIT // LANES, i]) == expected) == is_hop

@@ -444,3 +444,74 @@ def test_a_tree_changes_nothing(kind, name, origin):
         elif item != item0 or s != s0:
             tie = abs(s - s0) <= 1e-12 * s0 + 64 * EPS * oracle.size_of(packed, np.array(curve[0]), RADIUS) / speed
             assert tie or not (wrong(case, True) or wrong(bare, True)), (curve, item, s, item0, s0)
+
+
+FINE = Heightfield(size=(3, 3), cells=(30, 30), height="0.2*sin(3*x)*cos(2*z)")
+ROUGH = Heightfield(size=(3, 3), cells=(24, 24), height="0.05*sin(40*x)*cos(31*z)+0.1*x")
+FLOWN_OVER = {"fine": [FINE], "rough": [ROUGH], **MANY, "much litter": [soup(3, 300)]}
+
+
+def pulled(rng, packed, origin):
+    """A flight under gravity along an axis, or none: from anywhere, off a surface, onto one, or past it."""
+    speed = 10.0 ** rng.uniform(-1, 1.5)
+    a = np.zeros(3)
+    a[rng.integers(3)] = rng.choice([0.0, 1.0, 1.0]) * rng.normal() * speed**2 * 10.0 ** rng.uniform(-1, 1)
+    (place, normal), t = spot(rng, packed), rng.uniform(0.05, 1) / speed
+    match rng.integers(4):
+        case 0:
+            x, v = origin + rng.uniform(-1.3, 1.3, 3), speed * unit(rng.normal(size=3))
+        case 1:
+            x = place + RADIUS * (1 + rng.choice([0.0, 1e-12, 1e-6])) * normal
+            v = speed * unit(unit(rng.normal(size=3)) + rng.uniform(0.1, 1.2) * normal)
+        case how:
+            way = across(rng, normal)
+            end = speed * (unit(rng.uniform(0, 3) * way - normal) if how == 2 else way)
+            depth = RADIUS * 10.0 ** (rng.uniform(-9, -2) if how == 2 else rng.uniform(-5, -1))
+            v = end - a * t
+            x = place + (RADIUS - depth) * normal - v * t - 0.5 * a * t**2
+    curve = tuple(tuple(row.tolist()) for row in (x, v, a))
+    return Case("parabola", curve, packed, rng.choice([3.0, 30.0]) / speed), speed
+
+
+@pytest.mark.parametrize("name", FLOWN_OVER)
+@pytest.mark.parametrize("origin", [0.0, 1e3])
+def test_a_tree_changes_nothing_under_gravity(name, origin):
+    """Of such flights the tree knows most: which way they go by what is in it."""
+    packed = pack(features([_Moved(shape, np.full(3, origin)) for shape in FLOWN_OVER[name]], NO_ROWS)[0])
+    rng, touched = np.random.default_rng(9), 0
+    for _ in range(600):
+        case, speed = pulled(rng, packed, origin)
+        if overlaps(packed, case.curve[0]):
+            continue
+        bare = case._replace(packed=packed._replace(tree=build(NO_ROWS, NO_ROWS)))
+        (item, s), (item0, s0) = case.found(), bare.found()
+        touched += item0 != NONE
+        if item != item0 or s != s0:  # see above
+            tie = abs(s - s0) <= 1e-12 * s0 + 64 * EPS * oracle.size_of(packed, np.array(case.curve[0]), RADIUS) / speed
+            assert tie or not wrong(case, True), (case.curve, item, s, item0, s0)
+    assert touched > 150
+
+
+def test_an_edge_in_touch_when_the_search_for_it_begins():
+    """A flight without end comes through the hills, so that an edge is inside the ball where it first may be touched, were there not
+    another before: no touch earlier than that may come of it."""
+    curve = (-1.2351576701889462, -0.5798072560544554, 0.6072196060782308), (0.15771685256487275, 0.1853539551613168, 0.057177350203171204)
+    case = Case("parabola", (*curve, (0.0, 0.0, 0.0)), pack(features([ROUGH], NO_ROWS)[0]), 12.0)
+    assert not wrong(case, True)
+
+
+@pytest.mark.parametrize("depth", [1e-9, 1e-3, 0.3, 0.9])
+def test_a_ball_that_begins_in_a_face_and_sinks_touches_it_at_once(depth):
+    """Of a part of the radius, and a tree does not take it for too low."""
+    packed, rng = pack(features([FINE], NO_ROWS)[0]), np.random.default_rng(3)
+    for f in rng.integers(len(packed.faces), size=50):
+        point, normal = packed.faces[f, POINT : POINT + 3], packed.faces[f, NORMAL : NORMAL + 3]
+        first, last = segments(packed.faces, packed.outline, f)
+        axis = int(axis_of(packed.faces, packed.outline, f))
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        middle = point.copy()
+        middle[[u, v]] = packed.outline[first:last, :2].mean(axis=0)
+        middle[axis] -= normal @ (middle - point) / normal[axis]
+        curve = tuple(middle + RADIUS * (1 - depth) * normal), tuple(-normal), (0.0, -9.81, 0.0)
+        item, s = Case("parabola", curve, packed, 1.0).found()
+        assert s == 0.0 and item < len(packed.faces)

@@ -6,10 +6,10 @@ import pytest
 import sim.walk
 from sim import jit, reduction
 from sim.inside import distances
-from sim.shapes import Heightfield, Rectangle, Triangles
-from sim.tree import WIDE, build, overlapping
-from sim.walk import along, cast, distance, enter, meet, onward, search_room
-from tests.sim.helpers import CORRIDOR, LIFT, fly, moved, random_balls, room, rotation
+from sim.shapes import Box, Heightfield, Rectangle, Triangles
+from sim.tree import ANY, NORMAL, ROWS, WIDE, build, overlapping
+from sim.walk import ABREAST, along, cast, distance, enter, meet, onward, search_room, sieve
+from tests.sim.helpers import CORRIDOR, LIFT, fly, moved, random_balls, room, rotation, soup
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -117,7 +117,7 @@ def test_what_comes_first_is_found_first():
         assert 1.0 - 5e-6 <= nearest <= 1.0  # in single precision, and not too late
         while top > 0:
             top, count = onward(tree, ray, nearest, room, top, count)
-    assert count <= WIDE
+    assert count <= ABREAST * WIDE
 
 
 @pytest.mark.parametrize("n", [WIDE + 1, 300])  # so that groups have empty places
@@ -247,6 +247,57 @@ def test_nothing_is_nearer_than_the_distance_says(monkeypatch, shape, far):
             shares.append(least / min(nearest, reach))
     if shape is not SPAR:  # of small items a box and a plane tell most of it
         assert np.mean(shares) > 0.8
+
+
+HILLS = Heightfield((4, 4), (40, 40), "0.2*sin(2*x)*cos(3*z)")
+
+
+@pytest.mark.parametrize("shape", [HILLS, soup(5, 200), Box((0, 0, 0), (1, 2, 3))], ids=["hills", "litter", "box"])
+def test_lids_are_over_all_that_is_under_them(monkeypatch, shape):
+    """Its corners are no higher, and a ball touches it in a direction that is no farther from the lid's normal, or its opposite."""
+    monkeypatch.setattr(reduction, "FEW", 0)
+    features, _ = reduction.features([shape], np.zeros((0, 3)))
+    faces, edges, tree = features.faces, features.edges, features.tree
+    n, rows = len(faces.axis), tree.groups.reshape(-1, ROWS, WIDE)
+    planes = np.moveaxis(rows[tree.level[1] : tree.level[2], NORMAL:], 1, 2).reshape(-1, 5).astype(float)
+    known = 0
+    for k, (*normal, offset, sine) in enumerate(planes[: tree.level[1]]):
+        assert np.linalg.norm(normal) == pytest.approx(1, abs=1e-6)
+        for item in tree.items[WIDE * k : WIDE * (k + 1)]:
+            if item < n:
+                square, spread, axis = faces.normal[item], 0.0, faces.axis[item]
+                u, v = (axis + 1) % 3, (axis + 2) % 3
+                outline = faces.outline[faces.first[item] : faces.first[item + 1]]
+                corners = np.tile(faces.point[item], (len(outline), 1))
+                corners[:, [u, v]] = outline[:, :2]
+                corners[:, axis] -= (corners - faces.point[item]) @ square / square[axis]
+            else:
+                e = item - n
+                corners = edges.start[e] + np.outer((0.0, edges.length[e]), edges.along[e])
+                square, spread = edges.normal[e], edges.spread[e]
+            assert (corners @ normal <= offset + 1e-5).all()  # coordinates of some metres, in single precision
+            if sine < ANY:
+                assert spread <= 1 and np.arcsin(sine) >= np.arccos(min(abs(square @ normal), 1.0)) + np.arcsin(spread)
+                known += 1
+    assert known > 0.8 * len(tree.items) or shape is not HILLS  # but at the rim
+
+
+def test_a_ball_that_leaves_hills_looks_at_few_of_their_faces(monkeypatch):
+    """What is around a ball that bounces off gentle hills is mostly under lids from which it flies away."""
+    monkeypatch.setattr(reduction, "FEW", 0)
+    features, _ = reduction.features([HILLS], np.zeros((0, 3)))
+    rng, tree, lids, flights = np.random.default_rng(2), features.tree, [], 50
+    monkeypatch.setattr(sim.walk, "sieve", lambda *args: (lids.append(args[4]), sieve(*args)))
+    place, normal = features.faces.point, features.faces.normal
+    for f in rng.choice(np.flatnonzero((abs(place[:, [0, 2]]) < 1.8).all(axis=1)), flights):
+        path = tuple(tuple(part) for part in (place[f] + 0.05 * normal[f], 3 * normal[f], (0.0, -9.81, 0.0)))
+        room, ray = search_room(len(tree.items)), cast(path, 0.1, 0.05, 0.0, False, tree.extent)
+        top, count = enter(tree, room, 1.0), 0
+        with np.errstate(invalid="ignore", over="ignore"):
+            while top > 0:
+                top, count = onward(tree, ray, 0.1, room, top, count)
+        assert count <= WIDE
+    assert lids.count(True) >= flights > 5 * lids.count(False)
 
 
 def test_an_edge_lies_in_its_plane_all_along():
