@@ -97,9 +97,7 @@ def seek(room, features, search, radius, pull):
             continue
         far, left, found = 0.0, 0, 0
         if i < LANES:
-            far, left, found = begin_search(
-                curve_in(lanes, i, pull), features, search, radius, 0.0, left_in(lanes, i), no_contacts()
-            )
+            far, left, found = begin_search(curve_in(lanes, i, pull), features, search, radius, left_in(lanes, i), no_contacts())
         if begun != NONE:
             chords += find(lanes, begun, length, top, count, features, spare, radius, pull)
         begun, length, top, count = i, far, left, found

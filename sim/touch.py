@@ -23,7 +23,7 @@ from sim.vector import across, axpy, cross, dot, norm, scale, sub
 from sim.walk import cast, enter, onward, ray_size
 
 EPS = np.finfo(float).eps
-NONE = -1
+NONE = ANEW = -1
 OFF = 2.0  # radii that a piece of the curve may be off the path looked along
 SLACK = 1e-6  # share of the radius by which more is looked at than can be touched: what bounds the times is rounded
 FLAT = 1e-9  # sine of an angle, or share of a radius, that counts as none between an edge and a plane
@@ -41,52 +41,50 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     Third comes how many of `search.found` are all that the ball comes near until then, NONE where they are not kept; last along how
     many chords of the curve was looked.
     """
-    length, top, count = begin_search(curve, features, search, radius, 0.0, end, contacts)
+    length, top, count = begin_search(curve, features, search, radius, end, contacts)
     return finish_search(length, top, count, curve, features, search, radius, end, contacts, left)
 
 
-def begin_search(curve, features, search, radius, s, end, contacts):
-    """Walk along a piece of the curve from s on, up to `end` (s), to the first features that the ball may touch: they are on their way
-    into the cache now. Returns the length (s) of the piece, how many groups are left on the stack, and the place after those found."""
+def begin_search(curve, features, search, radius, end, contacts):
+    """Look along the curve up to `end` (s) for the first features that the ball may touch, see `search_on`."""
     if len(features.tree.items) == 0:
         return end, 0, len(search.found)
-    length, ray = ray_along(curve, features.tree, radius, s, end, contacts)
-    top = enter(features.tree, search, ray_size(ray))
-    top, count = onward(features.tree, ray, length, search, top, features.everywhere)
-    announce(features, search.found, features.everywhere, count)
-    return length, top, count
+    return search_on(ANEW, features.everywhere, curve, features, search, radius, 0.0, end, end, contacts)
 
 
-def ray_along(curve, tree, radius, s, end, contacts):
-    """The length (s) of a piece of the curve from s on, up to `end` (s), and the ray along it."""
+def search_on(top, first, curve, features, search, radius, s, end, best, contacts):
+    """Walk along a piece of the curve from s on, up to `end` (s), ANEW or with `top` groups left on the stack, to the next features that
+    the ball may touch before `best` (s): they come to lie in `search.found` from place `first` on, and are on their way into the cache.
+
+    Returns the length (s) of the piece, how many groups are left on the stack, and the place after those found.
+    """
     length, path, margin = piece(curve, s, end, OFF * radius)
-    return length, cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, tree.extent)
+    ray = cast(path, length, radius * (1.0 + SLACK), margin * (1.0 + SLACK), contacts.count > 0, features.tree.extent)
+    if top == ANEW:
+        top = enter(features.tree, search, ray_size(ray))
+    top, count = onward(features.tree, ray, min(length, best - s), search, top, first)
+    announce(features, search.found, first, count)
+    return length, top, count
 
 
 def finish_search(length, top, count, curve, features, search, radius, end, contacts, left):
     """The `first_touch` of a search that has begun."""
-    tree = features.tree
-    few = len(tree.items) == 0
+    few = len(features.tree.items) == 0
     always = len(search.found) if few else features.everywhere
     for c in range(always):
         search.times[c], search.until[c] = 0.0, np.inf
     item, best = earliest(curve, features, search, 0, always, radius, 0.0, end, NONE, end, contacts, left)
     s, goal, near, chords = end if few else 0.0, end, always, 0
     while s < best:
-        if s > 0.0:
-            goal = best
-            length, top, count = begin_search(curve, features, search, radius, s, goal, contacts)
         chords, done = chords + 1, always
-        while top > 0 or done < count:
+        while top != 0 or done < count:
             first = count
-            if top > 0:  # those found before are looked at while the next are on their way into the cache
-                _, ray = ray_along(curve, tree, radius, s, goal, contacts)
-                top, count = onward(tree, ray, min(length, best - s), search, top, first)
-                announce(features, search.found, first, count)
+            if top != 0:  # those found before are looked at while the next are on their way into the cache
+                length, top, count = search_on(top, first, curve, features, search, radius, s, goal, best, contacts)
             item, best = earliest(curve, features, search, done, first, radius, s, s + length, item, best, contacts, left)
             done = first
         near = count if s == 0.0 else NONE
-        s += length
+        s, top, count, goal = s + length, ANEW, always, best
     return item, best if item != NONE else np.inf, near, chords
 
 
