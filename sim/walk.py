@@ -10,7 +10,7 @@ from sim.instructions import fma, lowest_bit, no_later, prefetch
 from sim.tree import FACE, HIGH, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
 
 LIDS = 1  # the level whose groups have lids
-ABREAST = 4  # groups looked at together: the instructions of one wait for each other, those of several do not
+ABREAST = 8  # groups looked at together: the instructions of one wait for each other, those of several do not
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
 TINY, HUGE = 1e-30, 1e30
 SINGLE = np.float32(8 * np.finfo(np.float32).eps)  # what is known of a place in single precision, as a share of its coordinates
