@@ -41,8 +41,7 @@ def first_touch(curve, features, search, radius, end, contacts, left):
     Third comes how many of `search.found` are all that the ball comes near until then, NONE where they are not kept; last along how
     many chords of the curve was looked.
     """
-    length, top, count = begin_search(curve, features, search, radius, end, contacts)
-    return finish_search(length, top, count, curve, features, search, radius, end, contacts, left)
+    return finish_search(end, ANEW, features.everywhere, curve, features, search, radius, end, contacts, left)
 
 
 def begin_search(curve, features, search, radius, end, contacts):
@@ -68,7 +67,7 @@ def search_on(top, first, curve, features, search, radius, s, end, best, contact
 
 
 def finish_search(length, top, count, curve, features, search, radius, end, contacts, left):
-    """The `first_touch` of a search that has begun."""
+    """The `first_touch` of a search that has begun, or is to begin ANEW."""
     few = len(features.tree.items) == 0
     always = len(search.found) if few else features.everywhere
     for c in range(always):
