@@ -275,10 +275,10 @@ def plane_gap(curve, faces, f, side, radius):
 def touch_plane(curve, faces, f, radius, since, end, left):
     """When (s) the ball first comes down on the plane of face f; not at once if it has just `left` the face.
 
-    The back is left out where the ball is in front of the plane at `since`: from there on it comes to it through the front.
+    The back is left out where the ball is off the front at `since`: before it comes to the back it comes down on the front's plane.
     """
     s = touch_side(curve, faces, f, 1.0, radius, end, left)
-    if faces[f, SIDES] > 1.0 and not height(faces, f, point(curve, since)) > 0.0:
+    if faces[f, SIDES] > 1.0 and not height(faces, f, point(curve, since)) > radius:
         s = min(s, touch_side(curve, faces, f, -1.0, radius, end, left))
     return s
 

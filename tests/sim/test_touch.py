@@ -515,3 +515,15 @@ def test_a_ball_that_begins_in_a_face_and_sinks_touches_it_at_once(depth):
         curve = tuple(middle + RADIUS * (1 - depth) * normal), tuple(-normal), (0.0, -9.81, 0.0)
         item, s = Case("parabola", curve, packed, 1.0).found()
         assert s == 0.0 and item < len(packed.faces)
+
+
+@pytest.mark.parametrize("kind", ["cubic", "quintic"])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_around_an_edge_to_the_other_side(kind, side):
+    """Beside a sheet a ball rises, but not as high as it would touch that, then goes through its plane and comes back from beyond."""
+    packed = pack(features([Rectangle((0.5, 0, 0), (0, 1, 0), (1, 1))], NO_ROWS)[0])
+    height = np.array([0.03, 0.1, -2.375, 3.75])  # to 31 mm, to -70 mm after 0.4 s, and back; by then the edge is straight above
+    curve = [(x, side * y, 0.0) for x, y in zip((-0.3, 0.75, 0.0, 0.0), height)] + [(0.0, 0.0, 0.0)] * (POLYNOMIALS[kind] - 1)
+    item, s = Case(kind, tuple(curve), packed, 1.0).found()
+    comes_back = np.roots((height + (RADIUS, 0, 0, 0))[::-1]).real.max()
+    assert item == 0 and s == pytest.approx(comes_back, abs=1e-12)
