@@ -68,6 +68,7 @@ from sim.state import (
 from sim.touch import NONE, lands
 from sim.vector import dot, two_sum
 
+
 def hop(states, first, body, forces, features, search, room, record, log, rows, budget):
     """Take the balls, rows of `states` numbered from `first` on, over hops as long as any has a plain one.
 

@@ -24,7 +24,7 @@ def no_later(times, place):
 
 
 def fma(a, b, c):
-    """a b + c, rounded once; in single precision of three in it."""
+    """a b + c, rounded once; in single precision of three in it, which plain Python very seldom rounds twice."""
     if isinstance(a, np.float32):
         with np.errstate(over="ignore", invalid="ignore"):
             return np.float32(np.float64(a) * np.float64(b) + np.float64(c))

@@ -7,13 +7,14 @@ Where there are but a few faces vector instructions hold all balls against each;
 import numpy as np
 
 from sim.curves.parabola import fall_straight, point, slope
+from sim.first_touch import begin_search, finish_search
 from sim.hop_lanes import BALL, HIT, LEAST, NORMALS, NOTHING, PLACE, SPEED, curve_in, left_in
 from sim.lanes import LANES, lane, put
 from sim.packed import NORMAL, POINT, SIDES, facing, vector
 from sim.penetration import count_passed
 from sim.rest import TOUCHING, no_contacts
 from sim.slabs import AXIS, FAR, walls
-from sim.touch import NONE, begin_search, finish_search, first_fall
+from sim.touch import NONE, first_fall
 from sim.vector import dot, gap, gap_along, norm, scale
 
 

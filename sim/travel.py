@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.clearance import AHEAD, allowed, free_time, push_of
 from sim.curves.parabola import flight, point, slope  # bound to the curve's own before they are compiled
+from sim.first_touch import first_touch
 from sim.hop import hop
 from sim.impact import energy_lost, rebound
 from sim.log import REST, note
@@ -79,7 +80,7 @@ from sim.state import (
     skip,
     work_done,
 )
-from sim.touch import NONE, first_touch
+from sim.touch import NONE
 from sim.vector import ROUNDING, axpy, dot, norm, row, two_sum, within
 
 # How a call ends.

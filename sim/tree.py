@@ -22,6 +22,7 @@ PORTION = 2**12 * WIDE  # items of groups that are worked on at once
 # large. On the next they are lids, under which all items of a lowest group are, and there the angle may be to either side of the normal.
 LOW, HIGH, NORMAL, OFFSET, SINE, ROWS = 0, 3, 6, 9, 10, 11
 FACE, ANY = np.float32(0.0), np.float32(2.0)
+LIDS = 1  # the level whose groups have lids
 ASKEW = 1e-3  # rad, by which angles under lids are taken for more: sines are of single precision, and none is that of a face
 
 
@@ -66,7 +67,7 @@ def build(low: np.ndarray, high: np.ndarray, plane: np.ndarray | None = None) ->
         plane = plane[order]
         write_planes(groups[: sizes[0]], plane)
         if len(sizes) > 1:
-            write_planes(groups[level[1] : level[2]], lids(low[order], high[order], plane))
+            write_planes(groups[level[LIDS] : level[LIDS + 1]], lids(low[order], high[order], plane))
     return Tree(groups.ravel(), order, ranks, level, float(max(np.abs(low).max(), np.abs(high).max())))
 
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.instructions import fma, lowest_bit, no_later, prefetch
-from sim.tree import FACE, HIGH, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
+from sim.tree import FACE, HIGH, LIDS, LOW, NORMAL, OFFSET, ROWS, SINE, WIDE
 
-LIDS = 1  # the level whose groups have lids
 ABREAST = 8  # groups looked at together: the instructions of one wait for each other, those of several do not
 DEEP = 256  # groups that may wait to be looked at: WIDE on each level of more levels than any tree has
 TINY, HUGE = 1e-30, 1e30
@@ -196,6 +195,11 @@ def normal(groups, g, axes, c):
     return groups[row(g, NORMAL + axes[0]) + c], groups[row(g, NORMAL + axes[1]) + c], groups[row(g, NORMAL + axes[2]) + c]
 
 
+def wide(stay):
+    """WIDE, but not known to the compiler: loops of no known length, with one array written, become vector instructions."""
+    return len(stay) // (2 * ABREAST)
+
+
 def meet(groups, g, ray, reach, stay, begin):
     """Write into `stay` from place `begin` on when the ray is at the boxes of group g; those it does not come to it leaves before it
     comes."""
@@ -203,7 +207,7 @@ def meet(groups, g, ray, reach, stay, begin):
     (x, y, z), (_, _, vz), half = ray.x, ray.v, HALF * ray.k
     beside = ray.radius + ray.slack
     if ray.k == NONE:
-        for c in range(len(stay) // (2 * ABREAST)):  # of no length known in advance and with one array written: so it is vectorised
+        for c in range(wide(stay)):
             near, far = within(bounds(groups, g, i, c), x, beside, NONE, NONE, ray.inverse[0], NONE, reach)
             near, far = within(bounds(groups, g, j, c), y, beside, NONE, NONE, ray.inverse[1], near, far)
             near, far = within(bounds(groups, g, last, c), z, beside, NONE, NONE, ray.inverse[2], near, far)
@@ -211,7 +215,7 @@ def meet(groups, g, ray, reach, stay, begin):
         return
     turn, above = -vz / ray.k, beside + ray.fuzz
     peak = at(turn, z, vz, half)
-    for c in range(len(stay) // (2 * ABREAST)):
+    for c in range(wide(stay)):
         near, far = within(bounds(groups, g, i, c), x, beside, NONE, NONE, ray.inverse[0], NONE, reach)
         near, far = within(bounds(groups, g, j, c), y, beside, NONE, NONE, ray.inverse[1], near, far)
         least, most = extent_between(at(near, z, vz, half), at(far, z, vz, half), peak, (near < turn) & (turn < far))
@@ -262,7 +266,7 @@ def sieve(groups, g, ray, reach, lids, stay, begin):
     turn = NEVER if straight else -vz / k
     peak, flat = at(turn, z, vz, half), np.sqrt(vx * vx + vy * vy)
     deep, up = (INFINITE, NONE) if lids else (NONE, INFINITE)  # nobody knows how far below a lid items go, nor which side of one is whose
-    for c in range(len(stay) // (2 * ABREAST)):
+    for c in range(wide(stay)):
         nx, ny, nz = normal(groups, g, ray.axes, c)
         offset, sine = groups[row(g, OFFSET) + c], groups[row(g, SINE) + c]
         face, cosine = sine == FACE, ONE - sine * sine  # at most
@@ -322,7 +326,7 @@ def distance(tree, x, reach, search):
 
 def away(groups, g, x, fuzz, stay):
     """Write into `stay` how far x is from each of the boxes of group g at least."""
-    for c in range(len(stay) // (2 * ABREAST)):
+    for c in range(wide(stay)):
         u, v, w = outside(bounds(groups, g, 0, c), x[0]), outside(bounds(groups, g, 1, c), x[1]), outside(bounds(groups, g, 2, c), x[2])
         stay[c] = np.sqrt(u * u + v * v + w * w) * EARLY - fuzz
 
@@ -334,7 +338,7 @@ def outside(box, x):
 
 def off(groups, g, x, fuzz, stay):
     """The same for the items of the lowest group g, by their planes besides."""
-    for c in range(len(stay) // (2 * ABREAST)):
+    for c in range(wide(stay)):
         (n, m, u), offset = normal(groups, g, (0, 1, 2), c), groups[row(g, OFFSET) + c]
         height = n * x[0] + m * x[1] + u * x[2] - offset
         stay[c] = max(stay[c], abs(height) - fuzz - SINGLE * abs(offset))

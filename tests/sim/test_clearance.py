@@ -8,11 +8,12 @@ import pytest
 from sim import jit
 from sim.clearance import FEW, free_time, off_face
 from sim.engines import CURVE, of_module
+from sim.first_touch import first_touch
 from sim.packed import NORMAL, POINT, axis_of, facing, pack
 from sim.reduction import features
 from sim.rest import no_contacts
 from sim.shapes import Box, Plane
-from sim.touch import NONE, first_touch
+from sim.touch import NONE
 from sim.walk import search_room
 from tests.sim.helpers import soup
 

@@ -13,11 +13,12 @@ import trimesh
 from sim import jit
 from sim.curves import cubic, majorant, parabola
 from sim.engines import CURVE
+from sim.first_touch import first_touch
 from sim.packed import ALONG, LENGTH, NORMAL, POINT, SIDES, START, Packed, axis_of, covers, pack, segments
 from sim.reduction import NO_ROWS, features
 from sim.rest import no_contacts
 from sim.shapes import Box, Heightfield, Plane, Rectangle, Triangles
-from sim.touch import NONE, first_touch
+from sim.touch import NONE
 from sim.tree import build
 from sim.walk import search_room
 from tests.sim import oracle
@@ -504,15 +505,9 @@ def test_an_edge_in_touch_when_the_search_for_it_begins():
 def test_a_ball_that_begins_in_a_face_and_sinks_touches_it_at_once(depth):
     """Of a part of the radius, and a tree does not take it for too low."""
     packed, rng = pack(features([FINE], NO_ROWS)[0]), np.random.default_rng(3)
-    for f in rng.integers(len(packed.faces), size=50):
-        point, normal = packed.faces[f, POINT : POINT + 3], packed.faces[f, NORMAL : NORMAL + 3]
-        first, last = segments(packed.faces, packed.outline, f)
-        axis = int(axis_of(packed.faces, packed.outline, f))
-        u, v = (axis + 1) % 3, (axis + 2) % 3
-        middle = point.copy()
-        middle[[u, v]] = packed.outline[first:last, :2].mean(axis=0)
-        middle[axis] -= normal @ (middle - point) / normal[axis]
-        curve = tuple(middle + RADIUS * (1 - depth) * normal), tuple(-normal), (0.0, -9.81, 0.0)
+    for _ in range(50):
+        place, normal = spot(rng, packed, edge=False)
+        curve = tuple(place + RADIUS * (1 - depth) * normal), tuple(-normal), (0.0, -9.81, 0.0)
         item, s = Case("parabola", curve, packed, 1.0).found()
         assert s == 0.0 and item < len(packed.faces)
 
