@@ -242,7 +242,11 @@ def test_copy_gives_the_command_that_opens_a_recording(show, page):
     assert len(buttons) == 11, "a run without a recording has none"
     buttons[0].click()
     run_id = json.loads(browser.execute_script("return document.getElementById('data').textContent"))["rows"][0][0]
-    assert browser.find_element("id", "toast").text.endswith(f"carom view {shlex.quote(str(page.parent))} {run_id}")
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    toast = browser.find_element("id", "toast")
+    WebDriverWait(browser, 10).until(lambda _: toast.text)  # the clipboard takes its time
+    assert toast.text.endswith(f"carom view {shlex.quote(str(page.parent))} {run_id}")
     assert run_id in buttons[0].get_attribute("aria-label")
 
 
